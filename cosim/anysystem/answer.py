@@ -19,6 +19,7 @@ from cosim.anysystem.search import CLOSE, Finding
 from cosim.compare.metrics import fit_percent, rms
 from cosim.diagnosis.answer.schema import (
     Answer,
+    Calibration,
     Location,
     MissingFunction,
     NamedCause,
@@ -68,6 +69,7 @@ def answer(found: AnyDiagnosis, package: Packages | None = None, file: Path | No
         ],
         helpful_signals=list(found.structure.advice),
         nominal=nominal(found),
+        calibrated=calibrated(found),
         warnings=[
             *(
                 w if len(found.logs) == 1 or w.startswith(str(log.source)) else f"{log.source.name}: {w}"
@@ -426,6 +428,35 @@ def shape(found: AnyDiagnosis, lost: Missing) -> MissingFunction:
         share=lost.told,
         points=[((x - offset) / scale, y / factor) for x, y in zip(lost.at, lost.of, strict=True)],
     )
+
+
+def calibrated(found: AnyDiagnosis) -> dict[str, Calibration]:
+    """What free parameters gain over the numbers that the FMUs state, on held-out data."""
+    result = {}
+    for finding, connector in judged_signals(found):
+        if not finding.free:
+            continue
+        stated = {f"{PARAMETER}|{n}": value_of(found.system, n) or 0.0 for n in finding.free}
+        own = judging(finding, connector)
+        out = ~np.concatenate([s.fitted for s in own])
+        if not out.any():
+            continue
+        measured = np.concatenate([s.signals[connector] for s in own])
+        values = finding.null.fit.values
+        before = measured - finding.model.whole(finding.model({**values, **stated}), connector)
+        after = series(finding, connector, values)
+        windows = np.unique(np.concatenate([s.windows for s in own])[out], return_inverse=True)[1]
+        squares = [
+            np.asarray(np.bincount(windows, weights=e[out] ** 2), dtype=float) for e in (after, before)
+        ]
+        unit, scale, _ = column_scale(found, connector)
+        result[connector] = Calibration(
+            rmse_stated=rms(before[out]) / abs(scale),
+            rmse_fitted=rms(after[out]) / abs(scale),
+            unit=unit,
+            ci95_of_ratio=ratio_ci95(squares[0], squares[1]),
+        )
+    return result
 
 
 def nominal(found: AnyDiagnosis) -> dict[str, Parameter]:

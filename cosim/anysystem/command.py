@@ -20,6 +20,7 @@ from cosim.diagnosis.answer.credibility import credited
 from cosim.diagnosis.answer.schema import Answer, Packages
 from cosim.diagnosis.budget import Budget
 from cosim.diagnosis.model.groups import MODELS
+from cosim.diagnosis.pipeline.parts import part
 from cosim.errors import CosimError, UsageError
 from cosim.files import Scratch, write_text
 from cosim.interrupts import stoppable
@@ -164,19 +165,30 @@ def diagnose_any(
                 warn(text)
             found.notes = [*notes, *found.notes, *untold, *allowed.warnings]
             make_folder(folder)  # which may have been deleted while all was computed
+            lost = list[str]()
             with Scratch("extended_") as made:
-                drafts = write_extended(
-                    found, Path(made), lambda group, action: shown_action(found, group, action)
-                )
-                package = None
+                drafts, package, file = None, None, None
+                with part(lost, "the extended model"):
+                    drafts = write_extended(
+                        found, Path(made), lambda group, action: shown_action(found, group, action)
+                    )
                 if drafts:
                     package = Packages(ssp=str(folder / drafts[0].name), ssv=str(folder / drafts[1].name))
-                file = None if found.proposal is None else write_inputs(found, found.proposal, folder)
+                with part(lost, "the next experiment"):
+                    file = None if found.proposal is None else write_inputs(found, found.proposal, folder)
+                found.notes += lost
                 result = answer(found, package, file)
-                credited({draft: folder / draft.name for draft in drafts}, result)
+                if drafts:
+                    credited({draft: folder / draft.name for draft in drafts}, result)
             write_text(folder / "diagnosis.json", result.model_dump_json(indent=2))
             if not allowed.ended:
-                write_page(found, result, folder)
+                with part(lost, "the report"):
+                    write_page(found, result, folder)
+                if late := [text for text in lost if text not in result.warnings]:
+                    result.warnings += late
+                    write_text(folder / "diagnosis.json", result.model_dump_json(indent=2))
+            for text in lost:
+                warn(text)
             earlier.clear()  # only now: a write that fails must leave the old or the new
     if allowed.ended:
         raise KeyboardInterrupt

@@ -45,6 +45,9 @@ class Segment:
         number: of the log.
         fitted: (n,) mask of what fits use.
         windows: (n,) number of the window, over all segments.
+        recorded: the signals (m,) as they were read, where the log's stamps are uneven.
+        stamps: (m,) where these are, in intervals from the start.
+        steps: signals whose values hold until the next sample.
     """
 
     start: float
@@ -54,11 +57,30 @@ class Segment:
     windows: NDArray[np.int64]
     driving: dict[str, Array] = field(default_factory=dict)
     number: int = 0
+    recorded: dict[str, Array] = field(default_factory=dict)
+    stamps: Array = field(default_factory=lambda: np.zeros(0))
+    steps: frozenset[str] = frozenset()
 
     @property
     def count(self) -> int:
         """Samples."""
         return int(self.fitted.size)
+
+    def reading(self, signal: str) -> Array:
+        """(m,) a signal as it was read: straight lines between uneven stamps hide its steps and repeated samples."""
+        return self.recorded.get(signal, self.signals[signal])
+
+    def at_stamps(self, series: Array) -> Array:
+        """(m,) a series (n,) of the grid where the log was read."""
+        return np.interp(self.stamps, np.arange(series.size), series) if self.stamps.size else series
+
+    def on_grid(self, held: NDArray[np.int64]) -> NDArray[np.int64]:
+        """(n,) the place whose value each sample of the grid holds, from the reading (m,) that each reading repeats."""
+        if not self.stamps.size:
+            return held
+        last = np.searchsorted(self.stamps, np.arange(self.count), side="right") - 1
+        own = np.minimum(np.rint(self.stamps[held]).astype(np.int64)[last.clip(0)], np.arange(self.count))
+        return np.where(held[last.clip(0)] < last, own, np.arange(self.count))
 
 
 def place(signal: str, segment: int) -> str:

@@ -12,7 +12,7 @@ from cosim.diagnosis.answer.schema import Answer
 from cosim.errors import MissingExtraError
 from cosim.files import write_text
 from cosim.plots import thinned
-from cosim.report.page import REPORT, interval, need_extra, render, versions
+from cosim.report.page import REPORT, alone, interval, need_extra, render, versions
 from cosim.report.picture import Layer, Panel, Picture
 from cosim.report.plain import advice, plain
 from cosim.report.screen import better, in_words, place, wrong
@@ -73,6 +73,7 @@ def write_page(found: AnyDiagnosis, answer: Answer, folder: Path) -> Path | None
         "quiet_signal_names": "",
         "quiet_residual_names": "",
         "nominal": [(name, *interval(p)) for name, p in answer.nominal.items()],
+        "calibrated": alone(answer),
         "drive": [],
         "drive_rows": [],
         "shares": [],

@@ -6,19 +6,21 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.anysystem.actions import Action, acted, each, in_log, placed
+from cosim.anysystem.actions import PARAMETER, Action, acted, each, in_log, placed
 from cosim.anysystem.cuts import Cuts, cut_by_logs, lacking, signals_of
 from cosim.anysystem.experiment import Proposal, propose
 from cosim.anysystem.missing import Missing, allowed, missing
-from cosim.anysystem.model import GroupModel, Quantity, Segment, place
+from cosim.anysystem.model import HOLD, GroupModel, Quantity, Segment, place
 from cosim.anysystem.options import AnyOptions
 from cosim.anysystem.read import Recording, ends, value_of
+from cosim.anysystem.readings import stale_of
 from cosim.anysystem.search import CLOSE, Candidate, Finding, Search, Trust, worth
 from cosim.anysystem.smooth import followed, still
+from cosim.anysystem.thin import alike, factors, loses_noise_alone, thinned
 from cosim.compare.prepare import first_value
 from cosim.diagnosis.budget import Budget
 from cosim.diagnosis.thresholds import FEWEST_SAMPLES
-from cosim.errors import DataError
+from cosim.errors import DataError, SimulationError
 from cosim.inference.problem import Problem
 from cosim.ssp.system import Port, System
 from cosim.system.graph import CutGroup, measured_ports, port_of
@@ -110,17 +112,31 @@ def segments_of(logs: Sequence[Recording], held: int) -> tuple[list[Segment], li
             )
         intervals = np.diff(log.time)
         h = float(f"{np.median(intervals):.12g}")
-        signals = log.signals
+        signals, recorded, stamps = log.signals, dict[str, Array](), np.zeros(0)
         if float(np.max(np.abs(intervals - h))) > UNEVEN * h:
+            recorded, stamps = dict(signals), (log.time - log.time[0]) / h
             grid = log.time[0] + h * np.arange(int(np.floor((log.time[-1] - log.time[0]) / h + 1e-9)) + 1)
-            signals = {n: np.interp(grid, log.time, v) for n, v in signals.items()}
+            before = np.searchsorted(log.time, grid, side="right") - 1
+            signals = {
+                n: v[before] if n in log.held else np.interp(grid, log.time, v) for n, v in signals.items()
+            }
             count = grid.size
             notes.append(f"{log.source}: uneven intervals: brought to {h:g} s by straight lines")
         windows = np.minimum(np.arange(count) * WINDOWS // count, WINDOWS - 1) + number
         number += WINDOWS
         fitted = np.full(count, k < len(logs) - held) if held else windows % 3 != 1
         found.append(
-            Segment(float(log.time[0]), h, dict(signals), fitted, windows.astype(np.int64), number=k)
+            Segment(
+                float(log.time[0]),
+                h,
+                dict(signals),
+                fitted,
+                windows.astype(np.int64),
+                number=k,
+                recorded=recorded,
+                stamps=stamps,
+                steps=log.held,
+            )
         )
     return found, notes
 
@@ -207,12 +223,13 @@ def diagnose_system(
             trust.trusted[name] = (value, own or tolerance)
     for name in options.free:
         trust.free[name] = value_of(system, name) or 0.0
-    for segment in segments:
-        for name in segment.signals.keys() & set(names):
-            segment.driving[name] = still(segment.signals[name])
     theirs = [own for group in groups for own in cuts.own[group.name].values()]
     runs.load(list(dict.fromkeys(unit for own in theirs for unit in own.units)))
     runs.stop = found.budget.end
+    thin(found, runs, trust, options)
+    for segment in found.segments:
+        for name in segment.signals.keys() & set(names):
+            segment.driving[name] = still(segment.signals[name])
     with found.budget.searching():
         for k, group in enumerate(groups):
             found.budget.allow(SEARCHED * (k + 1) / len(groups))
@@ -275,10 +292,9 @@ def judge(
         lacks = "held out: the others lack" if segments else "given that has all of"
         found.unjudged[group.name] = f"no log is {lacks} {', '.join(signals_of(group))}"
         return
-    model = GroupModel(group, found.system, runs, segments, found.cuts.own[group.name])
+    model = model_of(found, group, runs, segments, options)
     still_inputs = unmeasured(found.system, group)
     stated = stated_inputs(found.system, options)
-    model.base = {n: v for n, v in stated.items() if n in still_inputs} | begins(model, options)
     found.notes += assumed(group, still_inputs, stated, trust)
     search = Search(model, trust, options.exclude, options.causes, found.budget)
     found.notes += [
@@ -325,6 +341,69 @@ def judge(
         for signal, _ in group.judged:
             for k, series in behind(one, signal).items():
                 one.model.segments[k].driving[signal] = series
+
+
+def model_of(
+    found: AnyDiagnosis, group: CutGroup, runs: Runs, segments: list[Segment], options: AnyOptions
+) -> GroupModel:
+    """A group's model, with what the mapping says of its inputs and of where it begins."""
+    model = GroupModel(group, found.system, runs, segments, found.cuts.own[group.name])
+    stated, still_inputs = stated_inputs(found.system, options), unmeasured(found.system, group)
+    held = [
+        d
+        for d in group.drives
+        if found.system.variable(d.port).kind == "Real"
+        and all(d.signal in s.steps for s in segments if d.signal in s.signals)
+    ]
+    model.base = (
+        {n: v for n, v in stated.items() if n in still_inputs}
+        | {f"{HOLD}:{d.signal}>{d.port}": -0.5 for d in held}
+        | begins(model, options)
+    )
+    return model
+
+
+def thin(found: AnyDiagnosis, runs: Runs, trust: Trust, options: AnyOptions) -> None:
+    """Take logs that are sampled far faster than anything in them moves at fewer samples."""
+    choices = factors(found.segments)
+    groups = [g for g in found.groups if g.judged and found.cuts.own[g.name]]
+    values = {f"{PARAMETER}|{n}": v for n, v in trust.free.items()}
+
+    def given(segments: Sequence[Segment], group: CutGroup) -> tuple[GroupModel, dict[str, Array]]:
+        own = [s for s in segments if s.number in found.cuts.own[group.name]]
+        model = model_of(found, group, runs, own, options)
+        with runs.exact():
+            return model, model(values)
+
+    def bears(group: CutGroup, coarse: Sequence[Segment], every: int) -> bool:
+        model, series = full[group.name]
+        readings = [model.segments[k].signals[s] for s, _ in group.judged for k in model.judging(s)]
+        if not all(loses_noise_alone(r, every) for r in readings):
+            return False
+        _, fewer = given(coarse, group)
+        return all(alike(own, fewer[name], every) for name, own in series.items())
+
+    try:
+        full = {g.name: given(found.segments, g) for g in groups} if choices else {}
+        for model, series in full.values():
+            for signal, _ in model.group.judged:
+                logs = [model.segments[k] for k in model.judging(signal)]
+                moved = [log.at_stamps(series[n]) for log, n in zip(logs, model.places(signal), strict=True)]
+                if stale_of([log.reading(signal) for log in logs], moved):
+                    return  # each counts
+        drives = [drive for group in found.groups for drive in group.drives]
+        real = {d.signal: found.system.variable(d.port).kind == "Real" for d in drives}
+        for every in choices:
+            coarse = [thinned(s, every, real) for s in found.segments]
+            if all(bears(g, coarse, every) for g in groups):
+                found.notes += [
+                    f"{log.source.name}: sampled far faster than anything in it moves: {s.h:g} s are enough"
+                    for log, s in zip(found.logs, coarse, strict=True)
+                ]
+                found.segments = coarse
+                return
+    except SimulationError:  # which is said where the group is judged
+        return
 
 
 def in_some_logs(

@@ -54,6 +54,7 @@ class Recording:
         signals: connector -> (n,), in the unit of the FMU's variable.
         columns: connector -> what it was.
         warnings: what was done to the log.
+        held: connectors whose values hold until the next sample, as the mapping says.
     """
 
     source: Path
@@ -63,6 +64,7 @@ class Recording:
     warnings: list[str] = field(default_factory=list)
     sha256: str = ""
     synthetic: bool = False
+    held: frozenset[str] = frozenset()
 
 
 def named_columns(path: Path, system: System, units: dict[str, str]) -> tuple[LogMapping, list[str]]:
@@ -216,10 +218,15 @@ def read(
         }
         options = with_parameters(system, options)
         stated_starts = {**options.start, **table.start}
-        begins = {n: targets[s][0] if s in targets else s for n, s in stated_starts.items()}
+        known = (
+            {}
+            if lacking
+            else {str(port_of(system, connector)): connector for connector, _ in targets.values()}
+        )
+        begins = {n: targets[s][0] if s in targets else known.get(s, s) for n, s in stated_starts.items()}
         options = options.model_copy(update={"start": begins})
         lacking += _bad_parameters(system, options, measured)
-        lacking += _bad_starts(system, options, measured)
+        lacking += _bad_starts(system, options, {connector for connector, _ in targets.values()})
         if lacking:
             raise DataError(f"{mapping}: " + "; ".join(lacking))
     foreign = None
@@ -316,7 +323,7 @@ def _bad_parameters(system: System, options: AnyOptions, measured: Collection[Po
     return found
 
 
-def _bad_starts(system: System, options: AnyOptions, measured: Collection[Port]) -> list[str]:
+def _bad_starts(system: System, options: AnyOptions, measured: Collection[str]) -> list[str]:
     found = []
     for name, signal in options.start.items():
         variable = _variable(system, name)
@@ -326,7 +333,7 @@ def _bad_starts(system: System, options: AnyOptions, measured: Collection[Port])
             found.append(f"compare.start '{name}': the FMU does not let it be set")
         elif name in options.trusted or name in options.free:
             found.append(f"compare.start '{name}': it is trusted or free as well: leave it out there")
-        elif not any(str(end) == signal for end in measured):
+        elif signal not in measured:
             found.append(f"compare.start '{name}': '{signal}' is not measured")
     return found
 
@@ -374,6 +381,8 @@ def _recording(
         text = unit if own and unit else shown
         found.signals[connector] = factor * values + offset
         found.columns[connector] = Column(name, connector, text or "1", factor * scale, offset)
+        if name in log.held:
+            found.held |= {connector}
     return found
 
 

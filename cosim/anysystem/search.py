@@ -124,6 +124,9 @@ class Trust:
     free: dict[str, float] = field(default_factory=dict)
 
 
+Judged = dict[Action, tuple[Candidate, HeldOutGain]]
+
+
 @dataclass
 class Finding:
     """What was found in a group.
@@ -294,9 +297,11 @@ class Search:
         found: dict[Action, Grid | Stale] = {}
         for signal, port in self.model.group.judged:
             judging, names = self.model.judging(signal), self.model.places(signal)
-            series = [self.model.segments[k].signals[signal] for k in judging]
+            logs = [self.model.segments[k] for k in judging]
+            series = [log.reading(signal) for log in logs]
             grid = grid_of(series)
-            stale = None if grid else stale_of(series, [first[n] for n in names])
+            moved = [log.at_stamps(first[n]) for log, n in zip(logs, names, strict=True)]
+            stale = None if grid else stale_of(series, moved)
             if grid is not None:
                 self.model.steps[signal] = grid.step
                 for name in names:
@@ -304,7 +309,8 @@ class Search:
                 if "port.quantisation" not in self.exclude:
                     found[Action("port.quantisation", port, "sensor")] = grid
             if stale is not None:
-                self.model.held[signal] = dict(zip(judging, stale.held, strict=True))
+                own = [log.on_grid(held) for log, held in zip(logs, stale.held, strict=True)]
+                self.model.held[signal] = dict(zip(judging, own, strict=True))
                 if "port.dropout" not in self.exclude:
                     found[Action("port.dropout", port, "sensor")] = stale
         return found
@@ -777,8 +783,11 @@ class Search:
             self._settle(best)
             for other in singles:
                 self._scored(other)
-        best = self._pruned(best)
-        self._decide(finding, best, singles)
+        fewer = self._pruned(best)
+        if self._drifts(best, fewer):
+            self.steady = True
+            fewer = self._pruned(self._refitted([best], [self.null])[0])
+        self._decide(finding, fewer, singles)
         return finding
 
     def _between(self, best: Candidate) -> dict[str, Between]:
@@ -970,13 +979,14 @@ class Search:
         if self.budget.over:
             self._left_out("several parameters at once")
             return singles
-        actions = self._seen_apart()
+        leading = next((c for c in singles if c.actions[0].effect == PARAMETER), None)
+        actions = self._seen_apart(leading)
         if len(actions) < 2:
             return singles
         begin = {**self._nothing(actions), **self.null.fit.values}
         starts = [begin]
-        if best.actions[0] in actions:
-            starts.append(begin | best.fit.values)
+        if leading is not None and leading.actions[0] in actions:
+            starts.append(begin | leading.fit.values)
         fits = [fit for at in starts if (fit := self._fit(actions, at, 25)) is not None]
         if not fits:
             return singles
@@ -987,14 +997,20 @@ class Search:
         self.tried.append(several)
         return [several, *singles]
 
-    def _seen_apart(self) -> tuple[Action, ...]:
-        """Trusted parameters of which a moderate size shows beside all others: of two that do the same, one."""
+    def _seen_apart(self, leading: Candidate | None) -> tuple[Action, ...]:
+        """Trusted parameters of which a moderate size shows beside all others: of two that do the same, one.
+
+        Of the one that explains most by itself its own size: a limit that is just not met has no slope.
+        """
         changes = {}
         for name, slope in self.slopes.items():
             value, deviation = self.trusted[name]
             (size,) = self.moderate(parameter(name)).values()
             times = (size - value) / (deviation * (abs(value) or 1.0))
             changes[name] = {n: times * s for n, s in slope.items()}
+        if leading is not None:
+            here, there = (self.problem.model(f.values) for f in (self.null.fit, leading.fit))
+            changes[str(leading.actions[0].port)] = {n: there[n] - here[n] for n in self.problem.names}
         return tuple(parameter(n) for n in self.problem.apart(changes, NAMED))
 
     def _needed(self, several: Candidate) -> Candidate:
@@ -1003,15 +1019,21 @@ class Search:
         price = self._price(several.actions[:1])
         spare = self.problem.spare(several.fit, trusted, NAMED + price)[: len(several.actions) - 1]
         while spare and not self.budget.over:
-            lost = [a for a in several.actions if f"{PARAMETER}|{a.port}" in spare]
+            names = [name for name, _ in spare]
+            lost = [a for a in several.actions if f"{PARAMETER}|{a.port}" in names]
             actions = tuple(a for a in several.actions if a not in lost)
-            fit = self._fit(actions, self._values_without(several, lost), 8)
+            stay = self._values_without(several, lost)
+            fit = self._fit(actions, {n: spare[-1][1].get(n, v) for n, v in stay.items()}, 8)
             if fit is not None:
                 fewer = self._scored(Candidate(actions, fit, self._price(actions)))
                 if fewer.score > several.score - NAMED:
                     return self._needed(fewer) if len(actions) > 1 else fewer
             spare = spare[: len(spare) // 2]  # slopes do not reach so far
-        return several
+        # what is compared with it has numbers enough to make up for a fit that ended early
+        fine = self._fit(several.actions, several.fit.values, 8, DIFFERENCE * FINE)
+        if fine is None or fine.log_likelihood < several.fit.log_likelihood:
+            return several
+        return self._scored(replace(several, fit=fine))
 
     def _at_first_sight(self, base: Candidate, part: float = 1.0) -> dict[Action, float]:
         """Log-likelihood that each trusted parameter would gain by its slope alone, in the first part of the log."""
@@ -1224,7 +1246,7 @@ class Search:
     def _relearned(self, found: list[Candidate], others: Sequence[Candidate]) -> list[Candidate]:
         """The candidates fitted again with the noise that the best of them leaves; twice, since the best may change."""
         again = self._refitted(found, others)
-        if not self.steady and self._drift(found, again):
+        if self._drifts(self._by_score(found)[0], self._by_score(again)[0]):
             self.steady = True
             again = self._refitted(found, others)
         for other in others:
@@ -1250,16 +1272,15 @@ class Search:
                 break
         return found
 
-    def _drift(self, found: Sequence[Candidate], again: Sequence[Candidate]) -> bool:
-        """Whether several numbers came far nearer to the log before their noise was learned: then it is none.
+    def _drifts(self, best: Candidate, now: Candidate) -> bool:
+        """Whether what explains best comes far less near to the log by noise that was learned: then it is none.
 
-        What the model lacks beside them is slow, as noise may be, and fits that believe so let the run drift.
+        What the model lacks besides is slow, as noise may be, and fits that believe so let the run drift.
         """
-        best = max(found, key=lambda c: c.score)
-        if len(best.actions) < 2 or not renumbered(best.actions):
+        if self.steady or not best.actions:
             return False
-        now = next(self._rms(c.fit) for c in again if c.actions == best.actions)
-        return any(n > DRIFTS * then for n, then in zip(now, self._rms(best.fit), strict=True))
+        rows = self._rms(best.fit), self._rms(now.fit)
+        return any(after > DRIFTS * before for before, after in zip(*rows, strict=True))
 
     def _pruned(self, best: Candidate) -> Candidate:
         """Without causes that the others make up for."""
@@ -1295,13 +1316,10 @@ class Search:
             if fine is not None and fine.log_likelihood >= best.fit.log_likelihood - 1.0:
                 best = self._scored(Candidate(best.actions, fine, best.price))
             best = self._at_outputs(best, singles)
+        best, judged = self._held_out(best, null)
         between = self._between(best)
         agreed = self._as_well_as_programs_agree(best).fit
-        for action in best.actions:
-            poorer = self._without(best, action, null)
-            if poorer is None:
-                continue
-            gain = problem.held_out(best.fit.rows, self._scored(poorer).fit.rows)
+        for action, (poorer, gain) in judged.items():
             rows = self._rms(poorer.fit), self._rms(best.fit)
             # without it trusted numbers may have to be where nobody believes them
             bent = problem.pull(poorer.fit.rows) - problem.pull(best.fit.rows)
@@ -1390,6 +1408,39 @@ class Search:
         self._rivals(finding, best, singles, null)
         finding.never = self._never(best)
 
+    def _held_out(self, best: Candidate, null: Candidate) -> tuple[Candidate, Judged]:
+        """The causes, and for each what explains the log without it and what it gains over that on held-out data.
+
+        Where another log is held out what stays wrong may be held for slow noise, which hears nothing of how far a whole
+        run is off. So a cause that is not sure by it is asked again with what stays wrong as no noise.
+        """
+        judged = self._judged(best, null)
+        if self.steady or not self._other_log() or all(gain.sure for _, gain in judged.values()):
+            return best, judged
+        self.steady = True
+        self._settle(best)
+        fit = self._fit(best.actions, best.fit.values, 10)
+        again = self._scored(Candidate(best.actions, fit or best.fit, best.price))
+        anew = self._judged(again, null)
+        if any(gain.sure and not judged[a][1].sure for a, (_, gain) in anew.items() if a in judged):
+            surest = {a: max(own, judged.get(a, own), key=lambda j: j[1].ci95[0]) for a, own in anew.items()}
+            return again, {a: (self._scored(poorer), gain) for a, (poorer, gain) in surest.items()}
+        self.steady = False
+        self._settle(best)
+        return best, judged
+
+    def _judged(self, best: Candidate, null: Candidate) -> Judged:
+        found = {}
+        for action in best.actions:
+            if (poorer := self._without(best, action, null)) is not None:
+                rows = self._scored(poorer).fit.rows
+                found[action] = poorer, self.problem.held_out(best.fit.rows, rows)
+        return found
+
+    def _other_log(self) -> bool:
+        """Whether a log of its own is held out."""
+        return any(not segment.fitted.any() for segment in self.model.segments)
+
     def _left(self, fit: Fit, wrong: Collection[str], held: bool = False) -> float:
         """Part of what is systematic in a wrong signal that a fit leaves, at most: of all, or of what is held out."""
         found = 0.0
@@ -1413,7 +1464,7 @@ class Search:
         Another log does where its error surely falls. Windows of the same log do where no more than half is left, by other
         numbers of the law or by what leaves something that nothing tells.
         """
-        if any(not segment.fitted.any() for segment in self.model.segments):
+        if self._other_log():
             return self._surely_less(fitted, wrong)
         if self._left(fitted, wrong, held=True) > LEAVES:
             return False
@@ -1740,13 +1791,14 @@ class Search:
             moved = here | {unknown.name: at + DIFFERENCE * unknown.scale}
             return self.problem.changed(here, moved) / DIFFERENCE
 
+        beside = [u for n, u in known.items() if n != key]
         try:
-            others = [slope(u, best.fit.values[n]) for n, u in known.items() if n != key]
-            own = slope(known[key], best.fit.values[key])
+            others = np.stack([slope(u, best.fit.values[u.name]) for u in beside], axis=1)
+            whole = slope(known[key], best.fit.values[key])
         except SimulationError:
             return {}
-        base, _ = np.linalg.qr(np.stack(others, axis=1))
-        own = own - base @ (base.T @ own)
+        base, _ = np.linalg.qr(others)
+        own = whole - base @ (base.T @ whole)
         step = (best.fit.values[key] - self.trusted[str(action.port)][0]) / known[key].scale
         found: list[tuple[float, Action, dict[str, float]]] = []
         for other in self.candidates():
@@ -1757,14 +1809,20 @@ class Search:
             (nothing,) = self._off(other).values()
             (unknown,) = self.numbers(other)
             try:
-                theirs = slope(unknown, nothing)
+                slopes = slope(unknown, nothing)
             except SimulationError:
                 continue
-            theirs = theirs - base @ (base.T @ theirs)
+            theirs = slopes - base @ (base.T @ slopes)
             size, along = float(theirs @ theirs), float(theirs @ own)
             alike = along**2 / max(size * float(own @ own), 1e-300)
             if alike > ALONG:
-                begin = {unknown.name: unknown.within(nothing + unknown.scale * step * along / size)}
+                far = step * along / size
+                follow = np.linalg.lstsq(others, step * whole - far * slopes, rcond=None)[0]
+                begin = {
+                    u.name: u.within(best.fit.values[u.name] + u.scale * float(f))
+                    for u, f in zip(beside, follow, strict=True)
+                }
+                begin[unknown.name] = unknown.within(nothing + unknown.scale * far)
                 found.append((alike, other, begin))
         found.sort(key=lambda item: -item[0])
         return {other: begin for _, other, begin in found[:REPLACED]}

@@ -29,6 +29,7 @@ DIFFERENCE = 0.02  # of an unknown's scale, for slopes: large enough for what ac
 FINE = 0.2  # of that in the last fit
 EVALUATIONS = 14  # of one search
 FAILED = 1e6  # whitened residual where the model cannot be run
+LARGEST = 1e120  # of one that runs away: its square is a number
 
 
 @dataclass(frozen=True)
@@ -279,7 +280,7 @@ class Problem:
             return None
         if not all(np.isfinite(series[n]).all() for n in self.names):
             return None
-        return self._judged(series, values)
+        return np.clip(self._judged(series, values), -LARGEST, LARGEST)
 
     def log_likelihood(self, rows: Array, values: Mapping[str, float], unknowns: Sequence[Unknown]) -> float:
         """Of the fitted part, up to a constant."""
@@ -407,10 +408,13 @@ class Problem:
         kept = {names[k] for k, size in zip(order, own, strict=False) if 0.5 * size**2 > least}
         return [n for n in names if n in kept]
 
-    def spare(self, fit: Fit, without: Mapping[str, float], least: float) -> list[str]:
+    def spare(
+        self, fit: Fit, without: Mapping[str, float], least: float
+    ) -> list[tuple[str, dict[str, float]]]:
         """Unknowns of a fit that may be as they are `without`, the least missed first, the others following; by its slopes.
 
-        Each adds less than `least` to the log-likelihood that is lost.
+        Each adds less than `least` to the log-likelihood that is lost. With each stand the values that all unknowns then
+        have, those before it being dropped, too.
         """
         slopes = self.slopes(fit)
         sizes, ways = np.linalg.eigh(slopes.T @ slopes)
@@ -418,6 +422,7 @@ class Problem:
         covariance = (ways / np.maximum(sizes, 1e-9 * max(float(sizes[-1]), 1e-300))) @ ways.T
         away = np.array([(fit.values[u.name] - without[u.name]) / u.scale for u in fit.unknowns])
         dropped: list[int] = []
+        found: list[tuple[str, dict[str, float]]] = []
         lost = 0.0
         while len(dropped) < away.size:
             losses = []
@@ -430,7 +435,15 @@ class Problem:
             if more - lost > least:
                 break
             lost, dropped = more, [*dropped, k]
-        return [fit.unknowns[k].name for k in dropped]
+            follow = covariance[:, dropped] @ np.linalg.solve(
+                covariance[np.ix_(dropped, dropped)], away[dropped]
+            )
+            values = {
+                u.name: u.within(fit.values[u.name] - u.scale * float(f))
+                for u, f in zip(fit.unknowns, follow, strict=True)
+            }
+            found.append((fit.unknowns[k].name, values))
+        return found
 
     @staticmethod
     def _named(unknowns: Sequence[Unknown], x: Array) -> dict[str, float]:

@@ -42,6 +42,7 @@ from cosim.report.words import (
     phrase,
     prose,
     signal_name,
+    two_digits,
     unit_text,
     without_tracker,
 )
@@ -227,6 +228,7 @@ def contents(material: Material, shown: Any) -> dict[str, Any]:
         "quiet_signals": shown([p for p in drawn if p.key in quiet]),
         "quiet_signal_names": names_of(answer.signals, quiet_signals(answer)),
         "nominal": [(name, *interval(p)) for name, p in answer.nominal.items()],
+        "calibrated": alone(answer),
         "drive": shown([curve] if curve else []),
         "drive_rows": drive.rows(material),
         "shares": shown([overview.shares(material)] if answer.localisation else []),
@@ -301,6 +303,14 @@ def interval(parameter: Parameter) -> tuple[str, str, str]:
     """Estimate and 95 % interval as texts with as many digits as the interval allows, and the unit of both."""
     size = Quantity(parameter, None)
     return size.value, size.interval, size.unit
+
+
+def alone(answer: "Answer") -> list[tuple[str, str, str, str]]:
+    """Each signal with its error before and after the model's own numbers were fitted, and the unit."""
+    return [
+        (name, two_digits(gain.rmse_stated), two_digits(gain.rmse_fitted), gain.unit)
+        for name, gain in answer.calibrated.items()
+    ]
 
 
 def seed() -> str:

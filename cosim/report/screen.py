@@ -175,6 +175,13 @@ def fitted(result: Answer) -> Iterator[str]:
     if still:
         names = f"{listed(still[:MOST_FITTED])}{_more(still, MOST_FITTED)}"
         yield f"Fitted too, but not told from what the model has: {names}"
+    for signal, gain in result.calibrated.items():
+        before, after = two_digits(gain.rmse_stated), two_digits(gain.rmse_fitted)
+        changes = f"changes from {before} to {after}" if after != before else f"stays at {before}"
+        if gain.ci95_of_ratio[1] < 1.0:
+            changes = f"falls from {before} to {after}"
+        unit = f" {unit_text(gain.unit)}".rstrip()
+        yield f"Fitted numbers alone: error of {the(signal)} on data not used for fitting {changes}{unit}"
 
 
 def drive(result: Answer) -> Iterator[str]:

@@ -101,10 +101,13 @@ def test_numbers_are_named_beside_what_the_model_lacks(fmus: dict[str, Path], tm
 
 def test_fitted_numbers_are_told_beside_those_of_the_model(fmus: dict[str, Path], tmp_path: Path) -> None:
     found = slow_rest(fmus, tmp_path, calibrate=True)
-    (line,) = fitted(found)
+    line, gain = fitted(found)
     assert line.startswith("Fitted: filter.K ")
     assert "instead of 1.2" in line
     assert "instead of 60" in line
+    assert re.match(
+        r"Fitted numbers alone: error of .*filter\.y on data not used for fitting falls from \S+ to ", gain
+    )
 
 
 @pytest.mark.parametrize(("told", "part"), [(False, 0.8), (True, 0.2)], ids=["wanders", "a law"])

@@ -156,6 +156,15 @@ class SignalGain(Model):
     per_log: list[LogGain] = []
 
 
+class Calibration(Model):
+    """Error on held-out windows with the numbers that a model states, and with those that were fitted to the log."""
+
+    rmse_stated: float
+    rmse_fitted: float
+    unit: str
+    ci95_of_ratio: tuple[float, float]
+
+
 class LinearReference(Model):
     """A linear model of free order from the command to a signal, on the same held-out data as the extended model.
 
@@ -277,6 +286,7 @@ class Answer(Model):
     linear_blocks: dict[
         str, LinearReference
     ] = {}  # the same of each block, driven by what was measured before it
+    calibrated: dict[str, Calibration] = {}  # signal of an FMU -> what fitting its parameters freely gains
     words: Words = Words()
     correlations: list[Correlated] = []  # of pairs beyond 0.01; all others are independent
     interrupted: str | None = None  # the stage in which Ctrl-C ended it

@@ -1,0 +1,155 @@
+"""A cylinder's axis as engineers model it: what another log bears out, what its numbers cannot be told from, dense logs."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.systems import parts
+from cosim.anysystem.answer import calibrated
+from cosim.anysystem.options import AnyOptions
+from cosim.anysystem.pipeline import AnyDiagnosis, diagnose_system
+from cosim.anysystem.read import Column, Recording
+from cosim.ssp.read import read_system
+from cosim.system.runs import Runs
+
+VALUES = {
+    "neutral": 0.0,
+    "dz_up": 0.1,
+    "dz_down": 0.1,
+    "k_up": 1.0,
+    "k_down": 1.0,
+    "lag": 0.1,
+    "start": 0.0,
+    "end": 8.0,
+}
+STATED = {k: v for k, v in VALUES.items() if k not in ("start", "neutral")}
+
+
+def build(folder: Path) -> None:
+    """``axis.fmu``."""
+    parameters = {name: (k + 2, value) for k, (name, value) in enumerate(VALUES.items())}
+    starts = "STARTS=" + ",".join(map(repr, VALUES.values()))
+    binary = parts.library(Path(__file__).with_name("axis.c"), folder, starts)
+    parts.packed(folder, "axis", parts.described("axis", {"u": 1}, parameters), binary)
+
+
+@pytest.fixture(scope="module")
+def axis(made_once) -> Path:
+    """The FMU."""
+    if parts.COMPILER is None:
+        pytest.skip("no C compiler")
+    return made_once("cylinder_axis", build) / "axis.fmu"
+
+
+def moved(u, h: float, changed: Mapping[str, float], bent: float = 0.0):
+    """The axis solved exactly over each step; `bent` is how much faster it is per unit of travel, as a linkage makes it."""
+    p = {**VALUES, **changed}
+    x, v, found = 0.0, 0.0, np.zeros(u.size)
+    fade = np.exp(-h / p["lag"])
+    for k in range(u.size - 1):
+        found[k] = x
+        over = u[k] - p["neutral"]
+        goal = p["k_up"] * max(over - p["dz_up"], 0.0) + p["k_down"] * min(over + p["dz_down"], 0.0)
+        goal *= 1.0 + bent * x
+        x = min(x + goal * h + (v - goal) * p["lag"] * (1.0 - fade), p["end"])
+        v = goal + (v - goal) * fade
+    found[-1] = x
+    return found
+
+
+def steps(seed: int, count: int, h: float, size: float = 1.0):
+    """Commands held for a second or so each, up more than down."""
+    rng = np.random.default_rng(seed)
+    hold = max(round(1.2 / h), 1)
+    return np.repeat(rng.uniform(-0.7 * size, size, count // hold + 1), hold)[:count]
+
+
+def recording(t, u, y) -> Recording:
+    signals = {"axis.u": u, "axis.y": y}
+    columns = {n: Column(n, n, "1", 1.0, 0.0) for n in signals}
+    return Recording(Path("log.csv"), t, signals, columns, held=frozenset({"axis.u"}))
+
+
+def diagnosed(axis: Path, logs: list[Recording], trusted, held: int = 0) -> AnyDiagnosis:
+    options = AnyOptions(trusted=dict.fromkeys((f"axis.{n}" for n in trusted), 0.01))
+    with read_system(axis) as system, Runs(system, apart=False) as runs:
+        return diagnose_system(system, logs, runs, options, held=held)
+
+
+def log(seed: int, changed: Mapping[str, float], h: float = 0.02, count: int = 2400, bent: float = 0.0):
+    """The axis with 0.3 % noise, longer than a minute where `h` is large."""
+    u = steps(seed, count, h)
+    y = moved(u, h, changed, bent)
+    noise = 0.003 * np.std(y) * np.random.default_rng(seed + 100).standard_normal(count)
+    return recording(h * np.arange(count), u, y + noise)
+
+
+def test_a_neutral_is_not_told_from_the_dead_zone_on_one_side(axis: Path) -> None:
+    """Two break points are three numbers; what they leave is refitted with the exchange."""
+    found = diagnosed(axis, [log(3, {"neutral": 0.25, "dz_down": 0.3})], [*STATED, "neutral"])
+    ((_, finding),) = found.findings.items()
+    names = {str(a.port): {str(b.port) for b in finding.alike[a]} | {str(a.port)} for a in finding.named}
+    points = {"axis.neutral", "axis.dz_up", "axis.dz_down"}
+    assert len(names) == 2
+    assert set(names) < points | {"axis.u"}  # where an offset is a neutral of its own
+    assert set().union(*names.values()) >= points
+    at = finding.chosen.fit.values
+    number = {n: at.get(f"parameter|axis.{n}", VALUES[n]) for n in ("neutral", "dz_up", "dz_down")}
+    assert number["neutral"] + number["dz_up"] == pytest.approx(0.35, abs=0.01)
+    assert number["neutral"] - number["dz_down"] == pytest.approx(-0.05, abs=0.01)
+
+
+def test_readings_between_uneven_stamps_are_not_stale(axis: Path) -> None:
+    """Straight lines between them hide the steps of an encoder that stands still half of the time."""
+    fine = log(5, {"k_up": 1.3}, h=0.01, count=6000)
+    rng = np.random.default_rng(6)
+    stamps = np.cumsum(rng.uniform(0.03, 0.07, 1100))
+    stamps = stamps[stamps < fine.time[-1]]
+    near = np.rint(stamps / 0.01).astype(int)
+    u, y = (fine.signals[n][near] for n in ("axis.u", "axis.y"))
+    y = np.interp(np.round(y / 0.04), [0.0, 60.0, 200.0], [0.0, 2.3, 8.1])  # its steps are not all the same
+    found = diagnosed(axis, [recording(near * 0.01, u, y)], STATED)
+    effects = {action.effect for _, action in found.causes()}
+    assert "port.dropout" not in effects
+
+
+def test_a_log_that_is_sampled_too_fast_is_taken_at_fewer_samples(axis: Path) -> None:
+    count, h = 30000, 0.001
+    changed = {"dz_up": 0.3}
+    found = diagnosed(axis, [log(7, changed, h, count)], STATED)
+    (segment,) = found.segments
+    assert 0.004 <= segment.h <= 0.01
+    assert segment.count * segment.h == pytest.approx(count * h, rel=1e-3)
+    assert any("sampled far faster" in note for note in found.notes)
+    ((_, action),) = found.causes()
+    assert str(action.port) == "axis.dz_up"
+    (finding,) = found.findings.values()
+    assert finding.chosen.fit.values["parameter|axis.dz_up"] == pytest.approx(0.3, rel=0.03)
+
+
+def test_a_log_with_lost_samples_is_taken_as_it_is(axis: Path) -> None:
+    """A sample that repeats the last one is seen in the log's own samples alone."""
+    count, h = 8000, 0.005
+    whole = log(8, {}, h, count)
+    rng = np.random.default_rng(9)
+    y = whole.signals["axis.y"].copy()
+    for k in np.flatnonzero(rng.uniform(size=count) < 0.1)[1:]:
+        y[k] = y[k - 1]
+    found = diagnosed(axis, [replace(whole, signals={**whole.signals, "axis.y": y})], STATED)
+    (segment,) = found.segments
+    assert segment.h == h
+    assert "port.dropout" in {action.effect for _, action in found.causes()}
+
+
+def test_calibrating_says_what_it_gains(axis: Path) -> None:
+    logs = [log(s, {"k_up": 1.4, "dz_down": 0.2}) for s in (11, 12)]
+    options = AnyOptions(trusted=dict.fromkeys((f"axis.{n}" for n in STATED), 0.01))
+    with read_system(axis) as system, Runs(system, apart=False) as runs:
+        found = diagnose_system(system, logs, runs, options, held=1, calibrate=True)
+        (gain,) = calibrated(found).values()
+    assert found.verdict == "adequate"
+    assert gain.rmse_fitted < 0.05 * gain.rmse_stated
+    assert gain.ci95_of_ratio[1] < 0.1
