@@ -16,7 +16,7 @@ from cosim.anysystem.read import Recording, ends, value_of
 from cosim.anysystem.readings import stale_of
 from cosim.anysystem.search import CLOSE, Candidate, Finding, Search, Trust, worth
 from cosim.anysystem.smooth import followed, still
-from cosim.anysystem.thin import alike, factors, loses_noise_alone, thinned
+from cosim.anysystem.thin import alike, factors, loses_noise_alone, share, thinned
 from cosim.compare.prepare import first_value
 from cosim.diagnosis.budget import Budget
 from cosim.diagnosis.thresholds import FEWEST_SAMPLES
@@ -377,11 +377,12 @@ def thin(found: AnyDiagnosis, runs: Runs, trust: Trust, options: AnyOptions) -> 
 
     def bears(group: CutGroup, coarse: Sequence[Segment], every: int) -> bool:
         model, series = full[group.name]
-        readings = [model.segments[k].signals[s] for s, _ in group.judged for k in model.judging(s)]
-        if not all(loses_noise_alone(r, every) for r in readings):
+        logs = {place(s, k): model.segments[k] for s, _ in group.judged for k in model.judging(s)}
+        readings = {n: log.signals[n.rpartition("#")[0]] for n, log in logs.items()}
+        if not all(loses_noise_alone(readings[n], share(log, every)) for n, log in logs.items()):
             return False
         _, fewer = given(coarse, group)
-        return all(alike(own, fewer[name], every) for name, own in series.items())
+        return all(alike(series[n], fewer[n], share(log, every)) for n, log in logs.items())
 
     try:
         full = {g.name: given(found.segments, g) for g in groups} if choices else {}
@@ -398,7 +399,8 @@ def thin(found: AnyDiagnosis, runs: Runs, trust: Trust, options: AnyOptions) -> 
             if all(bears(g, coarse, every) for g in groups):
                 found.notes += [
                     f"{log.source.name}: sampled far faster than anything in it moves: {s.h:g} s are enough"
-                    for log, s in zip(found.logs, coarse, strict=True)
+                    for log, s, all_of_it in zip(found.logs, coarse, found.segments, strict=True)
+                    if s is not all_of_it
                 ]
                 found.segments = coarse
                 return

@@ -40,9 +40,12 @@ def thinned(segment: Segment, every: int, real: Mapping[str, bool]) -> Segment:
 
     Args:
         segment: the log.
-        every: samples that one stands for.
+        every: samples that one stands for; of a short log fewer, as `share` says.
         real: signal -> whether it is a real number.
     """
+    every = share(segment, every)
+    if every == 1:
+        return segment
     signals = {n: averaged(v, every) if real.get(n, True) else v[::every] for n, v in segment.signals.items()}
     count = next(iter(signals.values())).size
     stamps = segment.stamps if segment.stamps.size else np.arange(segment.count, dtype=np.float64)
@@ -64,6 +67,11 @@ def factors(segments: Sequence[Segment]) -> list[int]:
         found.append(every)
         every = 2 * every // 3
     return found
+
+
+def share(segment: Segment, every: int) -> int:
+    """How many samples of a log one stands for where it is so many in the longest log."""
+    return max(min(every, segment.count // ENOUGH), 1)
 
 
 def loses_noise_alone(series: Array, every: int) -> bool:

@@ -130,6 +130,16 @@ def test_a_log_that_is_sampled_too_fast_is_taken_at_fewer_samples(axis: Path) ->
     assert finding.chosen.fit.values["parameter|axis.dz_up"] == pytest.approx(0.3, rel=0.03)
 
 
+def test_a_short_log_beside_a_dense_one_keeps_its_samples(axis: Path) -> None:
+    changed = {"dz_up": 0.3}
+    found = diagnosed(axis, [log(7, changed, 0.001, 20000), log(8, changed, 0.02, 1500)], STATED)
+    dense, short = found.segments
+    assert dense.h > 0.003
+    assert short.h == 0.02
+    assert sum("sampled far faster" in note for note in found.notes) == 1
+    assert [str(action.port) for _, action in found.causes()] == ["axis.dz_up"]
+
+
 def test_a_log_with_lost_samples_is_taken_as_it_is(axis: Path) -> None:
     """A sample that repeats the last one is seen in the log's own samples alone."""
     count, h = 8000, 0.005
