@@ -1415,7 +1415,8 @@ class Search:
         run is off. So a cause that is not sure by it is asked again with what stays wrong as no noise.
         """
         judged = self._judged(best, null)
-        if self.steady or not self._other_log() or all(gain.sure for _, gain in judged.values()):
+        sure = all(gain.sure for _, gain in judged.values())
+        if sure or self.steady or not self._other_log() or self.budget.over:
             return best, judged
         self.steady = True
         self._settle(best)

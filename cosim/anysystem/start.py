@@ -14,7 +14,7 @@ from cosim.logs.guess import column_of, stamped, time_lines
 from cosim.logs.overview import Column, Overview, overview
 from cosim.logs.source import Label
 from cosim.ssp.quantities import definition
-from cosim.ssp.system import System, Variable
+from cosim.ssp.system import Port, System, Variable
 from cosim.system.graph import connectors, port_of
 
 ALIKE = 0.72  # of two names, from 0 to 1
@@ -283,6 +283,10 @@ def mapping_text(
     ]
     told, open_ = [], []
     times = _stamps(found) | found.times
+    entering = {port_of(system, name) for name in system.inputs}
+    if len(system.components) == 1:  # a model by itself
+        (only,) = system.components.values()
+        entering |= {Port(only.name, v.name) for v in only.fmu.variables.values() if v.causality == "input"}
     for k, column in enumerate(found.columns):
         if k in taken:
             port = taken[k]
@@ -296,6 +300,12 @@ def mapping_text(
                 f"column = {column_of(found, column)}",
                 f"unit = {_quoted(unit)}{note}",
             ]
+            if port_of(system, port) in entering:
+                lines.append(
+                    "held = true    # it moves in steps: each value stays until the next sample"
+                    if column.held
+                    else "# held = true    # where each value stays until the next sample, as a controller makes it"
+                )
             told.append(f"{column.label.shown} -> {port}{f' ({doubt}: CHECK)' if doubt else ''}")
         elif k not in times:
             rest = ", ".join(p for p in ports if p not in taken.values())

@@ -154,6 +154,16 @@ def test_a_log_with_lost_samples_is_taken_as_it_is(axis: Path) -> None:
     assert "port.dropout" in {action.effect for _, action in found.causes()}
 
 
+def test_init_says_what_may_be_held(axis: Path, command, tmp_path: Path) -> None:
+    for name, u in (("steps", steps(4, 600, 0.02)), ("moves", np.sin(0.02 * np.arange(600)))):
+        file = tmp_path / f"{name}.csv"
+        rows = np.column_stack([0.02 * np.arange(600), u, moved(u, 0.02, {})])
+        np.savetxt(file, rows, delimiter=",", header="time [s],axis.u,axis.y", comments="", fmt="%.5f")
+        assert command("init", axis, file)[0] == 0
+    assert "\nheld = true" in (tmp_path / "steps.toml").read_text()
+    assert "\n# held = true" in (tmp_path / "moves.toml").read_text()
+
+
 def test_calibrating_says_what_it_gains(axis: Path) -> None:
     logs = [log(s, {"k_up": 1.4, "dz_down": 0.2}) for s in (11, 12)]
     options = AnyOptions(trusted=dict.fromkeys((f"axis.{n}" for n in STATED), 0.01))

@@ -27,6 +27,7 @@ def test_init_matches_columns_and_its_mapping_is_diagnosed(native: Path, command
     assert code == 0, err
     mapping = tmp_path / "log.toml"
     assert "check" in mapping.read_text()  # valve_y has no unit
+    assert mapping.read_text().count("held = true") == 1  # the one input
     assert command("init", native, log)[0] == 2  # not written over
     code, out, err = command("diagnose", log, "--mapping", mapping, "--out", tmp_path / "o", "--json")
     assert code == 0, err
