@@ -67,7 +67,7 @@ def write_page(found: AnyDiagnosis, answer: Answer, folder: Path) -> Path | None
             if c.indistinguishable_from
         ],
         "duration": f"{sum(s.count * s.h for s in found.segments):.4g}",
-        "rate": f"{1.0 / first.h:.4g}",
+        "rate": f"{1.0 / np.median(np.diff(found.logs[0].time)):.4g}",
         "signals": drawn,
         "quiet_signals": [],
         "quiet_signal_names": "",
