@@ -1,7 +1,7 @@
 """The diagnosis of any system in the contract's form, in the units of the log."""
 
 import platform
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -352,6 +352,12 @@ def localisation(found: AnyDiagnosis) -> list[Location]:
     return result
 
 
+def by_window(logs: Sequence[Segment], out: NDArray[np.bool_], *errors: Array) -> list[Array]:
+    """Of each error (n,) the sums of squares in each window of what is held out."""
+    windows = np.unique(np.concatenate([s.windows for s in logs])[out], return_inverse=True)[1]
+    return [np.asarray(np.bincount(windows, weights=e[out] ** 2), dtype=float) for e in errors]
+
+
 def gains(found: AnyDiagnosis) -> dict[str, SignalGain]:
     """Errors on held-out windows without and with the causes, from runs of the FMUs."""
     result = {}
@@ -366,11 +372,7 @@ def gains(found: AnyDiagnosis) -> dict[str, SignalGain]:
         out = ~np.concatenate([s.fitted for s in own])
         if not out.any():  # the logs held out lack it
             continue
-        windows = np.concatenate([s.windows for s in own])[out]
-        numbers_ = np.unique(windows, return_inverse=True)[1]
-        squares = [
-            np.asarray(np.bincount(numbers_, weights=e[out] ** 2), dtype=float) for e in (after, before)
-        ]
+        squares = by_window(own, out, after, before)
         unit, scale, _ = column_scale(found, connector)
         result[connector] = SignalGain(
             rmse_before=rms(before[out]) / abs(scale),
@@ -445,10 +447,7 @@ def calibrated(found: AnyDiagnosis) -> dict[str, Calibration]:
         values = finding.null.fit.values
         before = measured - finding.model.whole(finding.model({**values, **stated}), connector)
         after = series(finding, connector, values)
-        windows = np.unique(np.concatenate([s.windows for s in own])[out], return_inverse=True)[1]
-        squares = [
-            np.asarray(np.bincount(windows, weights=e[out] ** 2), dtype=float) for e in (after, before)
-        ]
+        squares = by_window(own, out, after, before)
         unit, scale, _ = column_scale(found, connector)
         result[connector] = Calibration(
             rmse_stated=rms(before[out]) / abs(scale),
