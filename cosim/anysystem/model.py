@@ -45,7 +45,7 @@ class Segment:
         number: of the log.
         fitted: (n,) mask of what fits use.
         windows: (n,) number of the window, over all segments.
-        recorded: the signals (m,) as they were read, where the log's stamps are uneven.
+        recorded: the signals (m,) as they were read, where that was not on this grid.
         stamps: (m,) where these are, in intervals from the start.
         steps: signals whose values hold until the next sample.
     """

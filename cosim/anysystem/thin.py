@@ -46,7 +46,14 @@ def thinned(segment: Segment, every: int, real: Mapping[str, bool]) -> Segment:
     every = share(segment, every)
     if every == 1:
         return segment
-    signals = {n: averaged(v, every) if real.get(n, True) else v[::every] for n, v in segment.signals.items()}
+    signals = {}
+    for name, values in segment.signals.items():
+        if not real.get(name, True):
+            signals[name] = values[::every]
+        elif name in segment.steps:
+            signals[name] = held(values, every)
+        else:
+            signals[name] = averaged(values, every)
     count = next(iter(signals.values())).size
     stamps = segment.stamps if segment.stamps.size else np.arange(segment.count, dtype=np.float64)
     return replace(

@@ -9,9 +9,11 @@ import pytest
 
 from benchmarks.systems import parts
 from cosim.anysystem.answer import calibrated
+from cosim.anysystem.model import Segment
 from cosim.anysystem.options import AnyOptions
 from cosim.anysystem.pipeline import AnyDiagnosis, diagnose_system
 from cosim.anysystem.read import Column, Recording
+from cosim.anysystem.thin import thinned
 from cosim.ssp.read import read_system
 from cosim.system.runs import Runs
 
@@ -128,6 +130,25 @@ def test_a_log_that_is_sampled_too_fast_is_taken_at_fewer_samples(axis: Path) ->
     assert str(action.port) == "axis.dz_up"
     (finding,) = found.findings.values()
     assert finding.chosen.fit.values["parameter|axis.dz_up"] == pytest.approx(0.3, rel=0.03)
+
+
+def test_what_is_held_stays_held_at_fewer_samples() -> None:
+    """A mean of the samples around would act half of the longer interval too late."""
+    u = np.arange(6000.0) // 700
+    segment = Segment(
+        0.0,
+        0.001,
+        {"u": u, "gear": u, "y": u},
+        np.ones(6000, dtype=bool),
+        np.zeros(6000, dtype=np.int64),
+        steps=frozenset({"u"}),
+    )
+    fewer = thinned(segment, 2, {"gear": False})
+    assert fewer.h == 0.002
+    assert fewer.signals["u"] == pytest.approx(u.reshape(-1, 2).mean(axis=1))
+    assert fewer.signals["gear"] == pytest.approx(u[::2])
+    assert fewer.signals["y"][350] == pytest.approx(0.75)  # a quarter of what was just before the step
+    assert fewer.reading("u") is u
 
 
 def test_a_short_log_beside_a_dense_one_keeps_its_samples(axis: Path) -> None:
