@@ -192,6 +192,15 @@ def of_file(system: System, found: Overview) -> Matches:
     return others if clock in others.taken else made
 
 
+def entering(system: System) -> set[Port]:
+    """The inputs that a log may drive: those of the system, and all of a model by itself."""
+    found = {port_of(system, name) for name in system.inputs}
+    if len(system.components) == 1:
+        (only,) = system.components.values()
+        found |= {Port(only.name, v.name) for v in only.fmu.variables.values() if v.causality == "input"}
+    return found
+
+
 def _is_time(column: Column) -> bool:
     """Whether a column is called a time, or has its unit."""
     named = bool(TIME_WORDS.search(in_words(column.label.short)))
@@ -283,10 +292,7 @@ def mapping_text(
     ]
     told, open_ = [], []
     times = _stamps(found) | found.times
-    entering = {port_of(system, name) for name in system.inputs}
-    if len(system.components) == 1:  # a model by itself
-        (only,) = system.components.values()
-        entering |= {Port(only.name, v.name) for v in only.fmu.variables.values() if v.causality == "input"}
+    driving = entering(system)
     for k, column in enumerate(found.columns):
         if k in taken:
             port = taken[k]
@@ -300,7 +306,7 @@ def mapping_text(
                 f"column = {column_of(found, column)}",
                 f"unit = {_quoted(unit)}{note}",
             ]
-            if port_of(system, port) in entering:
+            if port_of(system, port) in driving:
                 lines.append(
                     "held = true    # it moves in steps: each value stays until the next sample"
                     if column.held

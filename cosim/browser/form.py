@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.anysystem.start import of_file
+from cosim.anysystem.start import entering, of_file
 from cosim.errors import UsageError
 from cosim.logs.guess import DRIVERS, MOTIONS, Guess, demands, guesses, likely, machine_lines, texts_of
 from cosim.logs.mapping import Column as Named
@@ -18,6 +18,7 @@ from cosim.logs.overview import Column, Overview
 from cosim.plots import thinned
 from cosim.signals import LOG_SIGNALS, SIGNALS
 from cosim.ssp.system import System
+from cosim.system.graph import port_of
 
 POINTS = 160  # of a column's small picture
 DRIVE = "u"  # without the crane's command nothing can be simulated
@@ -42,6 +43,7 @@ class Row:
         unit: of the value after the scaling.
         gain, zero: factor on the reading, and the reading that means zero; a gain may be the name of a stored number.
         reversed: the file counts the other way.
+        held: each value stays until the next sample; None where that is not asked.
         why: reason of the guess.
         check: what a person should look at, or empty.
         minus: a column and the one whose reading is taken off it, where each direction has a column of its own.
@@ -55,6 +57,7 @@ class Row:
     gain: float | str = 1.0
     zero: float = 0.0
     reversed: bool = False
+    held: bool | None = None
     why: str = ""
     check: str = ""
     minus: tuple[int, int] | None = None
@@ -108,6 +111,7 @@ def column_facts(column: Column) -> dict[str, Any]:
         "low": low,
         "high": high,
         "shape": column.kind,
+        "held": column.held,
         "missing": column.missing if column.values.size else 0,
         "why": column.why,
         "picture": [],
@@ -208,12 +212,15 @@ def connector_form(found: Overview, system: System) -> Form:
     matched = of_file(system, found)
     clock = found.clock.column if found.clock else None
     columns = {port: k for k, port in matched.taken.items() if k != clock}
+    driving = entering(system)
     rows = []
     for port, own in matched.units.items():
         row = Row(port, "input" if port in system.inputs else "", unit=own or "1")
+        row.held = False if port_of(system, port) in driving else None
         if port in columns:
             column = found.columns[columns[port]]
             row.column, row.unit, row.why = column.index, column.unit or own or "1", "its name"
+            row.held = None if row.held is None else column.held
             row.check = matched.check(column.index)
             if not row.check and own and not column.unit:
                 row.check = "the heading has no unit"
@@ -272,7 +279,17 @@ def _of_file(found: Overview, name: str, entry: SignalColumn, needed: bool) -> R
         text += f" (less column '{entry.minus}')"
     check = "" if column is not None else f"the file names '{entry.column}', which this log does not have"
     return Row(
-        name, text, needed, column, unit, entry.gain, entry.zero, entry.sign < 0, "the mapping file", check
+        signal=name,
+        text=text,
+        needed=needed,
+        column=column,
+        unit=unit,
+        gain=entry.gain,
+        zero=entry.zero,
+        reversed=entry.sign < 0,
+        held=entry.held,
+        why="the mapping file",
+        check=check,
     )
 
 

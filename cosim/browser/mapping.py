@@ -62,6 +62,8 @@ def mapping_of(given: Any, form: Form, found: Overview, base: Content) -> Conten
             "column": named(found, column),
             **_scaling(sent, row),
         }
+        if row.held is not None:
+            entries[row.signal]["held"] = sent.get("held", row.held) is True
         if row.minus is not None and column == row.minus[0]:
             entries[row.signal]["minus"] = named(found, row.minus[1])
         chosen[column] = row.signal
@@ -85,6 +87,7 @@ def remember(form: Form, content: Content, found: Overview) -> None:
         if entry is not None:
             row.unit, row.gain, row.zero = entry["unit"], entry["gain"], entry["zero"]
             row.reversed = entry["sign"] < 0
+            row.held = entry.get("held", row.held)
     if not form.time.own:
         named = content["time"].get("column")
         form.time.column = None if named is None else find(found, named)

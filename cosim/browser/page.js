@@ -158,6 +158,10 @@ function signalRow(row) {
     unit: field("unit", said("Unit of {signal}", row), row.unit, {list: "units"}), gain: field("gain", said("Gain of {signal}", row), row.gain),
     zero: field("zero", said("Zero of {signal}", row), row.zero), reversed: element("input", {type: "checkbox", "data-kind": "reversed", checked: row.reversed, "aria-label": said("{signal} counts the other way", row)}),
   };
+  if (row.held !== null) {
+    parts.held = element("input", {type: "checkbox", "data-kind": "held", checked: row.held, "aria-label": said("{signal} stays until the next sample", row)});
+    notes.append(element("label", {className: "soft"}, parts.held, ` ${said("stays until the next sample")}`));
+  }
   const refresh = () => {
     const column = choice.value === "" ? null : columns[Number(choice.value)];
     picked.replaceChildren(...logged(column));
@@ -168,6 +172,7 @@ function signalRow(row) {
   choice.addEventListener("change", () => {
     const column = choice.value === "" ? null : columns[Number(choice.value)];
     if (column && column.unit) parts.unit.value = column.unit;
+    if (column && parts.held) parts.held.checked = column.held;
     notes.querySelector("small")?.remove();
     line.classList.remove("wrong");
     refresh();
@@ -273,7 +278,7 @@ function filled() {
     const choice = line.querySelector("select").value;
     const column = choice === "" || choice === "own" ? null : Number(choice);
     if (line.dataset.signal === "time") time = {column, own: choice === "own", unit: get("unit").value, step: get("step").value};
-    else rows[line.dataset.signal] = {column, unit: get("unit").value, gain: get("gain").value, zero: get("zero").value, reversed: get("reversed").checked};
+    else rows[line.dataset.signal] = {column, unit: get("unit").value, gain: get("gain").value, zero: get("zero").value, reversed: get("reversed").checked, held: get("held")?.checked};
   }
   return {time, rows, calibrate: $("calibrate").checked, budget: $("budget").value};
 }

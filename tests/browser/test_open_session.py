@@ -560,3 +560,26 @@ def test_a_stranger_s_package_is_mapped_and_diagnosed(session, drive, filled):
     if work["report"]:
         assert b"Fahrt 1" in session.report()
     assert session.done == [{"folder": str(folder), "verdict": "explained"}]
+
+
+@pytest.mark.parametrize("chosen", [True, False])
+def test_an_input_that_moves_in_steps_stays_until_the_next_sample(session, drive, filled, tmp_path, chosen):
+    package, _ = drive
+    t = 0.01 * np.arange(400)
+    steps = np.where(t < 1.0, 0.0, np.where(t < 2.0, 0.7, -0.4))
+    log = tmp_path / "steps.csv"
+    rows = [f"{a:.2f},{b:.1f},{c:.6f}" for a, b, c in zip(t, steps, np.sin(t), strict=True)]
+    log.write_text("\n".join(["Time (s),Command,valve_y", *rows]))
+    drop(session, log)
+    drop(session, package)
+    state = session.state()
+    shown = {row["signal"]: row["held"] for row in state["form"]["rows"]}
+    assert shown == {"command": True, "valve.y": None, "plant.u": None, "plant.y": None}, (
+        "of what a log may drive alone"
+    )
+    given = filled(state)
+    given["rows"]["command"]["held"] = chosen
+    signals = tomllib.loads(mapping_made(session, given))["signals"]
+    assert (signals["command"]["held"], "held" in signals["valve.y"]) == (chosen, False)
+    rows = {row["signal"]: row["held"] for row in session.state()["form"]["rows"]}
+    assert rows["command"] is chosen, "a page that is opened again shows it"
