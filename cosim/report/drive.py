@@ -51,12 +51,11 @@ def lined(material: Material) -> tuple[np.ndarray, np.ndarray]:
         if edge is None or slope is None:
             continue
         corner = end if top is None else edge.value + top.value / slope.value
-        reached = top is not None and abs(corner) < abs(end)
-        corner = corner if reached else end
         found.append((edge.value, 0.0))
-        found.append((corner, slope.value * (corner - edge.value)))
-        if reached and top is not None:
-            found.append((end, top.value))
+        if top is not None and abs(corner) < abs(end):
+            found += [(corner, top.value), (end, top.value)]
+        else:
+            found.append((end, slope.value * (end - edge.value)))
     found.sort()
     return np.array([x for x, _ in found]), np.array([y for _, y in found])
 

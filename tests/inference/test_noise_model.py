@@ -193,5 +193,6 @@ def test_an_unknown_that_does_not_act_absorbs_nothing() -> None:
         one, two = (
             learn({"x": bands(x, slopes)}, np.zeros((len(slopes),) * 2))["x"] for slopes in (acting, idle)
         )
-    assert two.rms == pytest.approx(one.rms, rel=1e-6)
-    assert two.sizes == pytest.approx(one.sizes, rel=1e-3, abs=1e-6 * one.rms**2)
+    # one that acts absorbs a 500th of the power; the search stops where a likelihood changes by 2e-9 of itself
+    assert two.rms == pytest.approx(one.rms, rel=1e-4)
+    assert two.sizes == pytest.approx(one.sizes, rel=1e-3, abs=1e-4 * one.rms**2)
