@@ -1,6 +1,6 @@
 """One group of a system as a function values -> signals: driven by what was measured, its FMUs run, effects at its ports."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
@@ -102,6 +102,7 @@ class GroupModel:
         off: signal -> (first, last, size): by how much it is taken to be off in this part of each log.
         added: ``port|where`` -> for each log what is added there, behind the effects.
         until: part of each log that is run; what was measured stands for the rest.
+        spared: readings for which that stands as a whole.
         own: signals by which the group is judged and which drive it as well.
         late: judged signals that an FMU need not have calculated before its first step.
         differs: signal -> RMS by which two runs of the same differ; empty before that was tried.
@@ -129,6 +130,7 @@ class GroupModel:
         self.differs: dict[str, float] = {}
         self.coarse: dict[str, float] = {}
         self.until = 1.0
+        self.spared: frozenset[str] = frozenset()
         judged = {signal for signal, _ in group.judged}
         self.own = frozenset(d.signal for d in group.drives if d.signal in judged)
         self.late = frozenset(
@@ -165,8 +167,12 @@ class GroupModel:
 
     def __call__(self, values: Mapping[str, float]) -> dict[str, Array]:
         """The judged signals of all logs, `place`(signal, k) -> (n,)."""
-        found = {}
+        found = dict[str, Array]()
         for k, own in enumerate(self.cuts):
+            names = {place(signal, k): signal for signal, _ in own.judged}
+            if names.keys() <= self.spared:
+                found |= {name: self.segments[k].signals[signal] for name, signal in names.items()}
+                continue
             series = self.ports(values, k)
             for signal, _ in own.judged:
                 seen = self.seen(signal, k, series[signal])
@@ -189,6 +195,15 @@ class GroupModel:
             }
         finally:
             self.until = 1.0
+
+    @contextmanager
+    def sparing(self, names: Collection[str]) -> Iterator[None]:
+        """Within this a log is not run of which all judged readings are among these."""
+        before, self.spared = self.spared, frozenset(names)
+        try:
+            yield
+        finally:
+            self.spared = before
 
     def seen(self, signal: str, k: int, series: Array) -> Array:
         """A modelled reading (n,) as far as what was measured tells.

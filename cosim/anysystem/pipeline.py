@@ -437,9 +437,12 @@ def in_some_logs(
     others = [s for s in segments if all(s is not h for h in healthy)]
     if not healthy or not others:
         return [finding]
+    without = of(healthy)
+    if len(healthy) > 1 and without.wrong():  # each by itself tells too little of the free parameters
+        return [finding]
     wrong, right = ([found.logs[s.number].source.name for s in own] for own in (others, healthy))
     said = f"{listed(right)} {'shows' if len(right) == 1 else 'show'} nothing wrong"
-    theirs, without = of(others).run(), of(healthy)
+    theirs = of(others).run()
     if theirs.unexplained or not theirs.named or not without.contradicts(theirs):
         found.notes.append(
             f"{name}: {said}: what is wrong shows in {listed(wrong)} alone"

@@ -260,6 +260,7 @@ class Search:
                 least[name] = max(quietest(whole), LEAST * spread)
         self.problem = Problem(measured, fitted, windows, model, least)
         self.problem.hurried = lambda: self.budget.over
+        self.problem.sparing = model.sparing
         self.base: dict[str, float] = {PARAMETER + "|" + n: v for n, v in self.free.items()}
         with model.runs.exact():
             first = model({**self.base})  # raises where the system itself cannot be run
@@ -1051,7 +1052,8 @@ class Search:
     def _reached(self, action: Action, start: dict[str, float], look: Look) -> float:
         """What a start reaches as it is; kept with how far its shape goes along with what is left."""
         inside = self.problem.mask
-        rows = self.problem.rows({**look.base.fit.values, **start})
+        with self.problem.fitted_alone():
+            rows = self.problem.rows({**look.base.fit.values, **start})
         if rows is None:
             return 0.0
         change = (look.rest - rows)[inside]
@@ -1168,10 +1170,7 @@ class Search:
                 moved = self._shifted(
                     values, unknown.name, unknown.low + float(part) * (unknown.high - unknown.low)
                 )
-                rows = self.problem.rows(moved)
-                if rows is None:
-                    continue
-                score = self.problem.log_likelihood(rows, moved, ()) - candidate.price
+                score = self._at(moved) - candidate.price
                 if score > best:
                     best, values = score, moved
         if best <= candidate.score:
@@ -1179,6 +1178,12 @@ class Search:
         fit = self._fit(candidate.actions, values)
         again = None if fit is None else self._scored(Candidate(candidate.actions, fit, candidate.price))
         return again if again is not None and again.score > candidate.score else candidate
+
+    def _at(self, values: Mapping[str, float]) -> float:
+        """Log-likelihood of values; minus infinity where the model cannot be run."""
+        with self.problem.fitted_alone():
+            rows = self.problem.rows(values)
+        return -np.inf if rows is None else self.problem.log_likelihood(rows, values, ())
 
     def _elsewhere(self, candidate: Candidate) -> Candidate:
         """The candidate, or a better estimate of the same causes away from it, where it leaves more than noise.
@@ -1195,12 +1200,7 @@ class Search:
                 for part in (*AROUND, *(-p for p in AROUND)):
                     at = unknown.within(candidate.fit.values[unknown.name] + part * unknown.scale)
                     moved = candidate.fit.values | {unknown.name: at}
-                    rows = self.problem.rows(moved)
-                    score = (
-                        -np.inf
-                        if rows is None
-                        else self.problem.log_likelihood(rows, moved, ()) - candidate.price
-                    )
+                    score = self._at(moved) - candidate.price
                     if score > best:
                         best, values = score, moved
             if best < candidate.score + 1.0:

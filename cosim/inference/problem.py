@@ -7,7 +7,7 @@ are estimated there, beside the others, which are not.
 """
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -71,6 +71,7 @@ class Problem:
         mask: (n + k,) what fits use of all signals behind one another and of the nuisances; the rest is held out.
         failures: what the model said where it could not be run, each once.
         hurried: asked before each run of a fit; where it is true the fit ends with the best so far.
+        sparing: within what it gives for some names the model may give the measured series of these in the place of its own.
     """
 
     def __init__(
@@ -102,6 +103,7 @@ class Problem:
         self._many = dict.fromkeys(self.names, 1.0)  # samples that count as one
         self.failures: list[str] = []
         self.hurried: Callable[[], bool] = lambda: False
+        self.sparing: Callable[[Collection[str]], AbstractContextManager[None]] = lambda names: nullcontext()
         self._data = np.concatenate([self.fitted[n] for n in self.names])
         self._numbers = np.concatenate([self.window[n] for n in self.names])
         self.mask, self.windows = self._data, self._numbers
@@ -219,6 +221,12 @@ class Problem:
         """Within this, fits use the first samples alone: name -> how many."""
         early = [np.arange(self.measured[n].size) < counts[n] for n in self.names]
         return self._using(self._data & np.concatenate(early))
+
+    def fitted_alone(self) -> AbstractContextManager[None]:
+        """Within this the model need give nothing of signals of which no sample is fitted; their rows say nothing."""
+        ends = np.cumsum([self.measured[n].size for n in self.names])
+        parts = np.split(self._data, ends[:-1])
+        return self.sparing([n for n, part in zip(self.names, parts, strict=True) if not part.any()])
 
     @contextmanager
     def _using(self, data: NDArray[np.bool_]) -> Iterator[None]:
@@ -345,20 +353,21 @@ class Problem:
                 [(of(moved) - here) / step for moved, step in self._moves(x, low, high, difference)], axis=1
             )
 
-        try:
-            found = least_squares(
-                cost,
-                begin,
-                slopes,
-                bounds=(low, high),
-                method="trf",
-                max_nfev=evaluations,
-                xtol=1e-4,
-                ftol=1e-7,
-            )
-            at, steep = found.x, slopes(found.x)
-        except _HurryError:
-            at, steep = best[0], slopes(best[0], rows_at)
+        with self.fitted_alone():
+            try:
+                found = least_squares(
+                    cost,
+                    begin,
+                    slopes,
+                    bounds=(low, high),
+                    method="trf",
+                    max_nfev=evaluations,
+                    xtol=1e-4,
+                    ftol=1e-7,
+                )
+                at, steep = found.x, slopes(found.x)
+            except _HurryError:
+                at, steep = best[0], slopes(best[0], rows_at)
         values = whole | self._named(unknowns, at)
         rows = rows_of(at)
         return Fit(
@@ -378,10 +387,11 @@ class Problem:
         high = np.array([u.high / u.scale for u in fit.unknowns])
         at = np.array([fit.values[u.name] / u.scale for u in fit.unknowns])
         found = np.zeros((self.mask.size, at.size))
-        for k, (moved, step) in enumerate(self._moves(at, low, high, difference)):
-            rows = self.rows(fit.values | self._named(fit.unknowns, moved))
-            if rows is not None and low[k] + BOUND < at[k] < high[k] - BOUND:
-                found[self.mask, k] = (rows - fit.rows)[self.mask] / step
+        with self.fitted_alone():
+            for k, (moved, step) in enumerate(self._moves(at, low, high, difference)):
+                rows = self.rows(fit.values | self._named(fit.unknowns, moved))
+                if rows is not None and low[k] + BOUND < at[k] < high[k] - BOUND:
+                    found[self.mask, k] = (rows - fit.rows)[self.mask] / step
         return found
 
     def changed(self, values: Mapping[str, float], others: Mapping[str, float]) -> Array:

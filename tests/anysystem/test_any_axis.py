@@ -15,6 +15,7 @@ from cosim.anysystem.pipeline import AnyDiagnosis, diagnose_system
 from cosim.anysystem.read import Column, Recording
 from cosim.anysystem.thin import thinned
 from cosim.ssp.read import read_system
+from cosim.system.effects import EFFECTS
 from cosim.system.runs import Runs
 
 VALUES = {
@@ -102,6 +103,22 @@ def test_a_neutral_is_not_told_from_the_dead_zone_on_one_side(axis: Path) -> Non
     number = {n: at.get(f"parameter|axis.{n}", VALUES[n]) for n in ("neutral", "dz_up", "dz_down")}
     assert number["neutral"] + number["dz_up"] == pytest.approx(0.35, abs=0.01)
     assert number["neutral"] - number["dz_down"] == pytest.approx(-0.05, abs=0.01)
+
+
+def test_logs_of_one_duty_each_show_nothing_wrong_by_themselves_only(axis: Path) -> None:
+    """Two free numbers tell any speed: that each log agrees with some of them says nothing of which log is at fault."""
+    logs = []
+    for k, duty in enumerate((0.3, 0.5, 0.7, 0.9)):
+        u = np.where(np.arange(500) < 25, 0.0, duty)
+        y = moved(np.minimum(u, 0.6), 0.02, {}, bent=0.5 * (duty == 0.9))  # the spool goes no further; a linkage in one
+        noise = 0.003 * np.random.default_rng(k).standard_normal(u.size)
+        logs.append(recording(0.02 * np.arange(u.size), u, y + noise))
+    options = AnyOptions(free=("axis.dz_up", "axis.k_up", "axis.lag"), exclude=tuple(EFFECTS))
+    with read_system(axis) as system, Runs(system, apart=False) as runs:
+        found = diagnose_system(system, logs, runs, options)
+    (finding,) = found.findings.values()
+    assert finding.unexplained
+    assert not any("nothing wrong" in note for note in found.notes)
 
 
 def test_readings_between_uneven_stamps_are_not_stale(axis: Path) -> None:

@@ -1,5 +1,7 @@
 """The core of a comparison of hypotheses: it knows functions of values, and neither machines nor FMUs."""
 
+from contextlib import contextmanager
+
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
@@ -278,3 +280,38 @@ def test_what_stays_wrong_passes_for_no_coloured_noise() -> None:
     assert made.noise["y"].times == ()
     # thirty windows count as independent
     assert made.noise["y"].rms ** 2 == pytest.approx(np.mean(slow**2) * N / 30, rel=0.2)
+
+
+def test_fits_run_nothing_for_a_log_that_is_held_out() -> None:
+    """Its rows are those of the last values all the same."""
+    rng = np.random.default_rng(12)
+    data = {n: 1.2 * U + 0.01 * rng.standard_normal(N) for n in ("fitted", "held")}
+    run = {"fitted": 0, "held": 0}
+    spared: set[str] = set()
+
+    def two(values):
+        found = {}
+        for name in data:
+            run[name] += name not in spared
+            found[name] = data[name] if name in spared else values["gain"] * U
+        return found
+
+    @contextmanager
+    def sparing(names):
+        spared.update(names)
+        yield
+        spared.clear()
+
+    fitted = {"fitted": np.ones(N, dtype=bool), "held": np.zeros(N, dtype=bool)}
+    made = Problem(data, fitted, {"fitted": WINDOW, "held": WINDOW + 100}, two, dict.fromkeys(data, 1e-4))
+    plain = made.fit([GAIN], {"gain": 1.0})
+    made.sparing = sparing
+    run.update(fitted=0, held=0)
+    fit = made.fit([GAIN], {"gain": 1.0})
+    assert (fit.values, fit.log_likelihood) == (plain.values, plain.log_likelihood)
+    np.testing.assert_array_equal(fit.rows, plain.rows)
+    assert run["held"] <= 2 < run["fitted"]
+    with made.whole():
+        run.update(fitted=0, held=0)
+        made.fit([GAIN], {"gain": 1.0})
+    assert run["held"] == run["fitted"], "the last estimate is by all logs"
