@@ -110,7 +110,9 @@ def test_logs_of_one_duty_each_show_nothing_wrong_by_themselves_only(axis: Path)
     logs = []
     for k, duty in enumerate((0.3, 0.5, 0.7, 0.9)):
         u = np.where(np.arange(500) < 25, 0.0, duty)
-        y = moved(np.minimum(u, 0.6), 0.02, {}, bent=0.5 * (duty == 0.9))  # the spool goes no further; a linkage in one
+        y = moved(
+            np.minimum(u, 0.6), 0.02, {}, bent=0.5 * (duty == 0.9)
+        )  # the spool goes no further; a linkage in one
         noise = 0.003 * np.random.default_rng(k).standard_normal(u.size)
         logs.append(recording(0.02 * np.arange(u.size), u, y + noise))
     options = AnyOptions(free=("axis.dz_up", "axis.k_up", "axis.lag"), exclude=tuple(EFFECTS))
