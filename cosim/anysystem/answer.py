@@ -15,7 +15,7 @@ from cosim.anysystem.model import Segment
 from cosim.anysystem.pipeline import NO_LOGS, AnyDiagnosis, listed
 from cosim.anysystem.read import value_of
 from cosim.anysystem.readings import ON, Grid, Stale
-from cosim.anysystem.search import CLOSE, Finding
+from cosim.anysystem.search import CLOSE, Finding, errors
 from cosim.compare.metrics import fit_percent, rms
 from cosim.diagnosis.answer.schema import (
     Answer,
@@ -301,8 +301,8 @@ def judged_signals(found: AnyDiagnosis) -> list[tuple[Finding, str]]:
 
 
 def series(finding: Finding, connector: str, values: Mapping[str, float]) -> Array:
-    """Residual of a connector in the logs that judge by it, behind one another."""
-    return finding.model.whole(finding.problem.residuals(values), connector)
+    """Error of a connector in the logs that judge by it, behind one another."""
+    return finding.model.whole(errors(finding, values), connector)
 
 
 def judging(finding: Finding, connector: str) -> list[Segment]:

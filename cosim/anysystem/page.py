@@ -8,6 +8,7 @@ import numpy as np
 from cosim.anysystem.answer import column_scale, judged_signals
 from cosim.anysystem.model import place as placed
 from cosim.anysystem.pipeline import AnyDiagnosis
+from cosim.anysystem.search import errors
 from cosim.diagnosis.answer.schema import Answer
 from cosim.errors import MissingExtraError
 from cosim.files import write_text
@@ -124,10 +125,10 @@ def picture(found: AnyDiagnosis, k: int) -> Picture:
         unit, factor, offset = column_scale(found, connector)
         measured = (segment.signals[connector] - offset) / factor
         layers = [Layer("line", "measured", "measured", *thinned(time, measured))]
-        before = finding.problem.residuals(finding.null.fit.values)[name] / factor
+        before = errors(finding, finding.null.fit.values)[name] / factor
         layers.append(Layer("line", "model", "nominal", *thinned(time, measured - before)))
         if finding.named:
-            after = finding.problem.residuals(finding.chosen.fit.values)[name] / factor
+            after = errors(finding, finding.chosen.fit.values)[name] / factor
             layers.append(Layer("line", "with the causes", "extended", *thinned(time, measured - after)))
         panels.append(Panel(f"{connector} [{unit}]", layers))
     held = np.flatnonzero(np.diff(np.concatenate([[0], (~segment.fitted).astype(int), [0]])))

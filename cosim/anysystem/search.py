@@ -74,6 +74,8 @@ LOOKED = 0.5  # of the time that is left: candidates are looked at before the be
 DRIFTS = 1.25  # times the error of a run (RMS): least squares leave hardly less than the likelihood where noise is noise
 ALONG = 0.9  # of the square of a slope that lies along another's: what may do the same is fitted in its place
 KEPT = 3  # of them from which a second cause is looked for
+NOTHING = 0.01  # log-likelihood: a number that changes no more is not told
+RUNAWAY = 1e9  # spreads of a signal: a model that a small change moves so far is unstable there
 MOST = 3  # causes in a group
 EARLY = 1.0  # samples, at most
 FAR_MORE = 20.0  # log-likelihood: two ways to hand inputs over differ by less than 1 for each input where slopes hold
@@ -201,6 +203,15 @@ def renumbered(actions: Sequence[Action]) -> bool:
 def _between_programs(name: str, fit: Fit, agreed: Fit) -> float:
     """Variance of an estimate by what two programs make of one model, which `agreed` has in its covariance and `fit` not."""
     return max(agreed.deviation(name) ** 2 - fit.deviation(name) ** 2, 0.0)
+
+
+def errors(finding: Finding, values: Mapping[str, float]) -> dict[str, Array]:
+    """Measured minus what the model does by itself; only the moments within a sample at which a log was read are taken out.
+
+    What else is eliminated where causes are judged, as trusted numbers within their tolerance, no simulation has.
+    """
+    others = [u.name for u in finding.problem.nuisances_shared if not u.name.startswith(f"{SHIFT}:")]
+    return finding.problem.residuals(values, others)
 
 
 def worth(finding: Finding) -> float:
@@ -552,12 +563,9 @@ class Search:
                         0.2 * size,
                     )
                 )
-            best: Fit | None = None
-            for factor in (1.0, 0.5, 2.0):
-                begin = {**self.base, **{u.name: u.within(factor * self.base[u.name]) for u in wide}}
-                fit = problem.fit(wide, begin, 25)
-                if fit is not None and (best is None or fit.log_likelihood > best.log_likelihood):
-                    best = fit
+            factors = (1.0, 0.5, 2.0)
+            scaled = [{u.name: u.within(f * self.base[u.name]) for u in wide} for f in factors]
+            best = self._best_of(wide, [self.base | own for own in scaled])
             if best is not None:
                 self.base = best.values
                 self.estimated = {
@@ -600,11 +608,13 @@ class Search:
         nuisances, rows = [], []
 
         def add(unknown: Unknown, moved: Mapping[str, Array], step: float) -> None:
-            nuisances.append(unknown)
-            rows.append({n: (moved[n] - here[n]) / step for n in problem.names})
+            slope = {n: (moved[n] - here[n]) / step for n in problem.names}
+            if self._bounded(slope):
+                nuisances.append(unknown)
+                rows.append(slope)
 
         def add_each(unknown: Unknown, slope: Mapping[str, Array]) -> None:
-            for own, part in self._each(unknown, slope):
+            for own, part in self._each(unknown, slope) if self._bounded(slope) else ():
                 nuisances.append(own)
                 rows.append(part)
 
@@ -645,7 +655,8 @@ class Search:
             except SimulationError:
                 continue
             add(Unknown(key, -SURE, SURE, 1.0, 1.0), moved_one, 1.0)
-            self.slopes[name] = rows[-1]
+            if nuisances and nuisances[-1].name == key:
+                self.slopes[name] = rows[-1]
         for name in self.free:
             key = f"{PARAMETER}|{name}"
             step = 0.02 * (abs(at[key]) or 1.0)
@@ -659,6 +670,13 @@ class Search:
             rows.append(slope)
         problem.share(
             nuisances, {n: np.array([r[n] for r in rows]).reshape(len(rows), -1) for n in problem.names}
+        )
+
+    def _bounded(self, slope: Mapping[str, Array]) -> bool:
+        """Whether a model does not run away where it is moved: its slope says something."""
+        return all(
+            float(np.abs(s).max(initial=0.0)) < RUNAWAY * self.spreads[n.partition("#")[0]]
+            for n, s in slope.items()
         )
 
     def _slow(self, first: Mapping[str, Array]) -> list[tuple[Unknown, dict[str, Array]]]:
@@ -774,6 +792,10 @@ class Search:
                     singles = [c for c in found if len(c.actions) == 1]
                 richer = found[0]
                 poorer = self._scored(best)
+                if richer.score < poorer.score + NAMED and self._drifts(richer, poorer):
+                    self.steady = True
+                    found = self._refitted(found, [best, *singles])
+                    richer, poorer = found[0], self._scored(best)
                 if richer.score < poorer.score + NAMED:
                     break
                 rows = self._rms(best.fit), self._rms(richer.fit)
@@ -988,15 +1010,42 @@ class Search:
         starts = [begin]
         if leading is not None and leading.actions[0] in actions:
             starts.append(begin | leading.fit.values)
-        fits = [fit for at in starts if (fit := self._fit(actions, at, 25)) is not None]
-        if not fits:
-            return singles
-        fit = max(fits, key=lambda f: f.log_likelihood)
-        several = self._needed(self._scored(Candidate(actions, fit, self._price(actions))))
-        if len(several.actions) < 2 or several.score < best.score + NAMED:
+        # slopes of the nuisances around numbers that are far off, as where a model runs away, say nothing of the right ones
+        self.problem.share((), {n: np.zeros((0, m.size)) for n, m in self.problem.measured.items()})
+        fit = self._best_of(self._free(actions), starts)
+        if fit is not None:
+            self._share(fit.values)
+            fit = self._fit(actions, fit.values, 10)
+        if fit is not None:
+            several = self._needed(self._scored(Candidate(actions, fit, self._price(actions))))
+        if fit is None or len(several.actions) < 2 or several.score < best.score + NAMED:
+            self._share(self.null.fit.values)
             return singles
         self.tried.append(several)
         return [several, *singles]
+
+    def _best_of(self, unknowns: Sequence[Unknown], starts: Sequence[dict[str, float]]) -> Fit | None:
+        """The best fit of several numbers from these starts, each also by way of one that bears large errors.
+
+        Where a law bends, as at a dead zone, and a model that integrates runs far away, least squares end where all errors
+        are middling. A fit that lets some parts of a log be wrong finds the numbers that make the others right.
+        """
+        found: list[Fit] = []
+        for at in starts:
+            if found and self.budget.over:
+                break
+            near = self.problem.fit(unknowns, at, 25, robust=True)
+            begins = [at] if near is None else [at, near.values]
+            found += [fit for v in begins if (fit := self.problem.fit(unknowns, v, 25)) is not None]
+        if not found:
+            return None
+        best = max(found, key=lambda f: f.log_likelihood)
+        stated = {}
+        for unknown in unknowns:  # one of which the data say nothing stays where it was
+            moved = best.values | stated | {unknown.name: starts[0][unknown.name]}
+            if self._at(moved) > best.log_likelihood - NOTHING:
+                stated[unknown.name] = starts[0][unknown.name]
+        return self.problem.fit(unknowns, best.values | stated, 1) if stated else best
 
     def _seen_apart(self, leading: Candidate | None) -> tuple[Action, ...]:
         """Trusted parameters of which a moderate size shows beside all others: of two that do the same, one.

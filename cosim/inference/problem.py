@@ -177,18 +177,18 @@ class Problem:
             self._projected = slopes, inside, inside.T @ inside + prior + 1e-12 * np.eye(len(prior))
         return self._projected
 
-    def eliminated(self, rows: Array, values: Mapping[str, float]) -> tuple[Array, Array]:
+    def eliminated(self, rows: Array, without: Collection[str]) -> tuple[Array, Array]:
         """Rows (n,) without what nuisances explain of them, and the nuisances (k,), within their bounds.
 
-        One that is among the values is an unknown of the hypothesis itself, and no nuisance.
+        One that is among those to do `without` is none: an unknown of the hypothesis itself has no nuisance beside it.
         """
         slopes, inside, information = self._project()
         if not self._nuisances:
             return rows, np.zeros(0)
         wanted = inside.T @ rows[self._data]
         found = np.linalg.solve(information, wanted)
-        low = np.array([0.0 if u.name in values else u.low for u in self._nuisances])
-        high = np.array([0.0 if u.name in values else u.high for u in self._nuisances])
+        low = np.array([0.0 if u.name in without else u.low for u in self._nuisances])
+        high = np.array([0.0 if u.name in without else u.high for u in self._nuisances])
         free = np.ones(found.size, dtype=bool)
         # what goes beyond its bound stays there, and the others are solved for again
         while (beyond := free & ((found < low) | (found > high))).any():
@@ -240,11 +240,11 @@ class Problem:
 
     # Hypotheses
 
-    def residuals(self, values: Mapping[str, float]) -> dict[str, Array]:
-        """Measured minus model, nuisances eliminated, each signal in its unit."""
+    def residuals(self, values: Mapping[str, float], without: Collection[str] = ()) -> dict[str, Array]:
+        """Measured minus model, nuisances eliminated but those to do `without`, each signal in its unit."""
         series = self.model(values)
         raw = {n: self.measured[n] - series[n] for n in self.names}
-        _, nuisances = self.eliminated(self.whitened(raw)[0], values)
+        _, nuisances = self.eliminated(self.whitened(raw)[0], {*values, *without})
         return {n: raw[n] - nuisances @ self._slopes[n] for n in self.names}
 
     def nuisances(self, values: Mapping[str, float]) -> dict[str, float]:
@@ -288,7 +288,8 @@ class Problem:
             return None
         if not all(np.isfinite(series[n]).all() for n in self.names):
             return None
-        return np.clip(self._judged(series, values), -LARGEST, LARGEST)
+        rows = self._judged(series, values)
+        return None if np.isnan(rows).any() else np.clip(rows, -LARGEST, LARGEST)
 
     def log_likelihood(self, rows: Array, values: Mapping[str, float], unknowns: Sequence[Unknown]) -> float:
         """Of the fitted part, up to a constant."""
@@ -302,8 +303,13 @@ class Problem:
         start: Mapping[str, float],
         evaluations: int = EVALUATIONS,
         difference: float = DIFFERENCE,
+        robust: bool = False,
     ) -> Fit | None:
-        """The best values of a hypothesis from a start; None where its model cannot be run there."""
+        """The best values of a hypothesis from a start; None where its model cannot be run there.
+
+        A `robust` fit bears errors beyond the usual size of those of its start (Cauchy loss): where a law bends it may lead
+        out of an optimum in which least squares end. Its likelihood is that of the values all the same.
+        """
         whole = dict(start)
         if not unknowns:
             rows = self.rows(whole)
@@ -353,6 +359,7 @@ class Problem:
                 [(of(moved) - here) / step for moved, step in self._moves(x, low, high, difference)], axis=1
             )
 
+        usual = max(float(np.median(np.abs(first[self.mask]))), 1.0)
         with self.fitted_alone():
             try:
                 found = least_squares(
@@ -361,6 +368,8 @@ class Problem:
                     slopes,
                     bounds=(low, high),
                     method="trf",
+                    loss="cauchy" if robust else "linear",
+                    f_scale=usual if robust else 1.0,
                     max_nfev=evaluations,
                     xtol=1e-4,
                     ftol=1e-7,
