@@ -15,7 +15,7 @@ from cosim.anysystem.model import Segment
 from cosim.anysystem.pipeline import NO_LOGS, AnyDiagnosis, listed
 from cosim.anysystem.read import value_of
 from cosim.anysystem.readings import ON, Grid, Stale
-from cosim.anysystem.search import CLOSE, Finding, errors
+from cosim.anysystem.search import CLOSE, Finding, errors, extended
 from cosim.compare.metrics import fit_percent, rms
 from cosim.diagnosis.answer.schema import (
     Answer,
@@ -364,9 +364,8 @@ def gains(found: AnyDiagnosis) -> dict[str, SignalGain]:
     for finding, connector in judged_signals(found):
         if not finding.named:
             continue
-        before, after = (
-            series(finding, connector, c.fit.values) for c in (finding.null, finding.fitted or finding.chosen)
-        )
+        before = series(finding, connector, finding.null.fit.values)
+        after = series(finding, connector, extended(finding, finding.fitted or finding.chosen))
         own = judging(finding, connector)
         measured = np.concatenate([s.signals[connector] for s in own])
         out = ~np.concatenate([s.fitted for s in own])
@@ -393,7 +392,7 @@ def unexplained(found: AnyDiagnosis) -> list[Unexplained]:
         if connector not in finding.unexplained:
             continue
         unit, scale, _ = column_scale(found, connector)
-        left = rms(series(finding, connector, finding.chosen.fit.values))
+        left = rms(series(finding, connector, extended(finding, finding.chosen)))
         port = dict(finding.model.group.judged)[connector]
         lost = found.missing.get(finding.model.group.name)
         result.append(
@@ -459,10 +458,10 @@ def calibrated(found: AnyDiagnosis) -> dict[str, Calibration]:
 
 
 def nominal(found: AnyDiagnosis) -> dict[str, Parameter]:
-    """Free parameters as estimated."""
+    """Parameters that are no causes as the extended model has them: free ones, and trusted ones within their tolerance."""
     result = {}
     for finding in found.findings.values():
-        for name, (value, deviation) in finding.free.items():
+        for name, (value, deviation) in (finding.free | finding.settled).items():
             component, _, variable = name.partition(".")
             unit = found.system.components[component].fmu.variables[variable].unit or "1"
             reach = 1.96 * deviation

@@ -52,7 +52,7 @@ def starts_of(found: AnyDiagnosis, group: str, action: Action) -> dict[str, floa
 
 
 def write_extended(found: AnyDiagnosis, folder: Path, where: Callable[[str, Action], Action]) -> list[Path]:
-    """Make ``extended.ssp``, ``extended.ssv`` and, with a C compiler, ``extended_native.ssp``; none if nothing was named.
+    """Make ``extended.ssp``, ``extended.ssv`` and, with a compiler, ``extended_native.ssp``; none without a cause or a fit.
 
     Args:
         found: the diagnosis.
@@ -66,7 +66,9 @@ def write_extended(found: AnyDiagnosis, folder: Path, where: Callable[[str, Acti
         for g, a, _ in placed
         if a.effect == PARAMETER
     }
-    if not placed:
+    for finding in found.findings.values():
+        numbers |= {n: value for n, (value, _) in (finding.free | finding.settled).items()}
+    if not placed and not numbers:
         return []
     files = [write_package(found.system, effects, numbers, folder / "extended.ssp", build_fmu)]
     everything = numbers | {

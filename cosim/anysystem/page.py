@@ -8,7 +8,7 @@ import numpy as np
 from cosim.anysystem.answer import column_scale, judged_signals
 from cosim.anysystem.model import place as placed
 from cosim.anysystem.pipeline import AnyDiagnosis
-from cosim.anysystem.search import errors
+from cosim.anysystem.search import errors, extended
 from cosim.diagnosis.answer.schema import Answer
 from cosim.errors import MissingExtraError
 from cosim.files import write_text
@@ -128,7 +128,7 @@ def picture(found: AnyDiagnosis, k: int) -> Picture:
         before = errors(finding, finding.null.fit.values)[name] / factor
         layers.append(Layer("line", "model", "nominal", *thinned(time, measured - before)))
         if finding.named:
-            after = errors(finding, finding.chosen.fit.values)[name] / factor
+            after = errors(finding, extended(finding, finding.chosen))[name] / factor
             layers.append(Layer("line", "with the causes", "extended", *thinned(time, measured - after)))
         panels.append(Panel(f"{connector} [{unit}]", layers))
     held = np.flatnonzero(np.diff(np.concatenate([[0], (~segment.fitted).astype(int), [0]])))

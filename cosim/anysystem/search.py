@@ -74,6 +74,7 @@ LOOKED = 0.5  # of the time that is left: candidates are looked at before the be
 DRIFTS = 1.25  # times the error of a run (RMS): least squares leave hardly less than the likelihood where noise is noise
 ALONG = 0.9  # of the square of a slope that lies along another's: what may do the same is fitted in its place
 KEPT = 3  # of them from which a second cause is looked for
+SETTLED = 6  # evaluations in which what is no cause is settled beside the causes
 NOTHING = 0.01  # log-likelihood: a number that changes no more is not told
 RUNAWAY = 1e9  # spreads of a signal: a model that a small change moves so far is unstable there
 MOST = 3  # causes in a group
@@ -147,6 +148,8 @@ class Finding:
         floors: signal -> noise floor.
         spreads: signal -> standard deviation of its reading.
         free: free parameters -> (value, standard deviation).
+        settled: parameters that are no causes as the extended model has them -> (value, standard deviation): trusted ones
+            within their tolerance, and free ones beside the causes.
         between: numbers of the causes, by `Action.key` or ``parameter|...`` -> what several logs say of them one by one.
         unexplained: signals that stay wrong, with words.
         twins: for each named cause, those of `alike` that were fitted, with all values of the model; other effects
@@ -174,6 +177,7 @@ class Finding:
     floors: dict[str, float] = field(default_factory=dict)
     spreads: dict[str, float] = field(default_factory=dict)
     free: dict[str, tuple[float, float]] = field(default_factory=dict)
+    settled: dict[str, tuple[float, float]] = field(default_factory=dict)
     between: dict[str, Between] = field(default_factory=dict)
     unexplained: dict[str, str] = field(default_factory=dict)
     twins: dict[Action, list[tuple[Action, dict[str, float]]]] = field(default_factory=dict)
@@ -205,13 +209,20 @@ def _between_programs(name: str, fit: Fit, agreed: Fit) -> float:
     return max(agreed.deviation(name) ** 2 - fit.deviation(name) ** 2, 0.0)
 
 
-def errors(finding: Finding, values: Mapping[str, float]) -> dict[str, Array]:
-    """Measured minus what the model does by itself; only the moments within a sample at which a log was read are taken out.
+def moments(problem: Problem) -> list[str]:
+    """Nuisances that are the moments within a sample at which a log was read: of all, these alone are no simulation's."""
+    return [u.name for u in problem.nuisances_shared if u.name.startswith(f"{SHIFT}:")]
 
-    What else is eliminated where causes are judged, as trusted numbers within their tolerance, no simulation has.
-    """
-    others = [u.name for u in finding.problem.nuisances_shared if not u.name.startswith(f"{SHIFT}:")]
-    return finding.problem.residuals(values, others)
+
+def errors(finding: Finding, values: Mapping[str, float]) -> dict[str, Array]:
+    """Measured minus what the model does by itself."""
+    with finding.problem.sharing(moments(finding.problem)):
+        return finding.problem.residuals(values)
+
+
+def extended(finding: Finding, candidate: Candidate) -> dict[str, float]:
+    """Values of the extended model: the causes, and what was settled beside them."""
+    return candidate.fit.values | {f"{PARAMETER}|{n}": v for n, (v, _) in finding.settled.items()}
 
 
 def worth(finding: Finding) -> float:
@@ -291,6 +302,7 @@ class Search:
         self.slow = self._slow(first)
         self.slopes: dict[str, dict[str, Array]] = {}  # what a deviation of each trusted parameter changes
         self.estimated: dict[str, tuple[float, float]] = {}
+        self.wide: list[Unknown] = []  # the free parameters
         self.null = self._null()
         self.learned = False
         self.steady = False  # what stays wrong passes for no noise
@@ -550,7 +562,7 @@ class Search:
     def _null(self) -> Candidate:
         problem = self.problem
         if self.free:
-            wide = []
+            wide = self.wide
             for name, value in self.free.items():
                 variable = self.model.system.variable(Port(*name.split(".", 1)))
                 size = abs(value) or 1.0
@@ -1040,7 +1052,7 @@ class Search:
         if not found:
             return None
         best = max(found, key=lambda f: f.log_likelihood)
-        stated = {}
+        stated = dict[str, float]()
         for unknown in unknowns:  # one of which the data say nothing stays where it was
             moved = best.values | stated | {unknown.name: starts[0][unknown.name]}
             if self._at(moved) > best.log_likelihood - NOTHING:
@@ -1409,6 +1421,7 @@ class Search:
             fit = self._fit(tuple(kept), self._values_without(best, lost))
             best = self._scored(Candidate(tuple(kept), fit or null.fit, self._price(kept)))
         finding.fitted = best
+        finding.settled = self._settled(best)
         if self.budget.over and best.actions:
             self._left_out("the last estimate, by the whole log")
         elif best.actions and len(self.model.segments) == len(
@@ -1429,6 +1442,7 @@ class Search:
                 left = self._told(residual, null)
                 wrong = self._wrong(left, residual) or wrong
         if not best.actions:
+            finding.settled = {}
             finding.bent = self._at_limits(best)
             # of what the log cannot tell apart a parameter: they are what is trusted too much
             near = [c.actions[0] for c in singles if c.score > singles[0].score - CLOSE]
@@ -1456,6 +1470,34 @@ class Search:
         finding.floors = {s: self._floor(s, best) for s, _ in self.model.group.judged}
         self._rivals(finding, best, singles, null)
         finding.never = self._never(best)
+
+    def _settled(self, best: Candidate) -> dict[str, tuple[float, float]]:
+        """Parameters that are no causes where the model's own run is best, trusted ones within their tolerance."""
+        others = [n for n in self.trusted if f"{PARAMETER}|{n}" not in best.fit.values]
+        if not best.actions or not (others or self.wide) or self.budget.over:
+            return {}
+        unknowns = list(self.wide)
+        at = self.problem.nuisances(best.fit.values)
+        start = {u.name: u.within(best.fit.values[u.name] + at.get(f"free:{u.name}", 0.0)) for u in unknowns}
+        for name in others:
+            variable = self.model.system.variable(Port(*name.split(".", 1)))
+            value, relative = self.trusted[name]
+            size, key = relative * (abs(value) or 1.0), f"{PARAMETER}|{name}"
+            low, high = max(variable.low, value - SURE * size), min(variable.high, value + SURE * size)
+            unknown = Unknown(key, low, high, size, size, value)
+            unknowns.append(unknown)
+            start[key] = unknown.within(value + size * at.get(key, 0.0))
+        with self.problem.sharing(moments(self.problem)):
+            begins = (
+                best.fit.values | start,
+                best.fit.values | {u.name: u.centre for u in unknowns if u.prior < np.inf},
+            )
+            fits = [self.problem.fit(unknowns, begin, SETTLED) for begin in begins]
+            plain = self._at(best.fit.values)
+        fit = max((f for f in fits if f is not None), key=lambda f: f.log_likelihood, default=None)
+        if fit is None or fit.log_likelihood < plain + 1.0:
+            return {}
+        return {u.name.partition("|")[2]: (fit.values[u.name], fit.deviation(u.name)) for u in unknowns}
 
     def _held_out(self, best: Candidate, null: Candidate) -> tuple[Candidate, Judged]:
         """The causes, and for each what explains the log without it and what it gains over that on held-out data.

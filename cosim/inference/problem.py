@@ -136,6 +136,17 @@ class Problem:
         """The nuisances, in the order of their rows."""
         return self._nuisances
 
+    @contextmanager
+    def sharing(self, names: Collection[str]) -> Iterator[None]:
+        """Within this there are no other nuisances than these."""
+        before, slopes = self._nuisances, self._slopes
+        kept = [k for k, u in enumerate(before) if u.name in names]
+        self.share([before[k] for k in kept], {n: s[kept] for n, s in slopes.items()})
+        try:
+            yield
+        finally:
+            self.share(before, slopes)
+
     def hand_nuisances(self, other: "Problem") -> None:
         """Give the nuisances to a problem of some of the same signals."""
         other.share(self._nuisances, {n: self._slopes[n] for n in other.names})

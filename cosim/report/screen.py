@@ -165,14 +165,15 @@ def sizes(cause: NamedCause, result: Answer) -> str:
 
 
 def fitted(result: Answer) -> Iterator[str]:
-    """What the log asks for of an FMU's parameters that were fitted, and of which it tells nothing."""
+    """What the log asks for of an FMU's parameters that were fitted or are trusted, and of which it tells nothing."""
+    what = "Fitted" if result.calibrated else "Within what is trusted"
     own = {n: p for n, p in result.nominal.items() if p.instead_of is not None}
     still = [n for n, p in own.items() if p.instead_of is None or p.ci95[0] <= p.instead_of <= p.ci95[1]]
     sizes = {n: Quantity(p, p.instead_of) for n, p in own.items() if n not in still}
     told = [f"{n} {size} instead of {size.nominal}, {size.interval}" for n, size in sizes.items()]
     if told:
-        yield f"Fitted: {'; '.join(told[:MOST_FITTED])}{_more(told, MOST_FITTED)} (95 %)"
-    if still:
+        yield f"{what}: {'; '.join(told[:MOST_FITTED])}{_more(told, MOST_FITTED)} (95 %)"
+    if still and result.calibrated:
         names = f"{listed(still[:MOST_FITTED])}{_more(still, MOST_FITTED)}"
         yield f"Fitted too, but not told from what the model has: {names}"
     for signal, gain in result.calibrated.items():
