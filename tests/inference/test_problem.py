@@ -315,3 +315,43 @@ def test_fits_run_nothing_for_a_log_that_is_held_out() -> None:
         run.update(fitted=0, held=0)
         made.fit([GAIN], {"gain": 1.0})
     assert run["held"] == run["fitted"], "the last estimate is by all logs"
+
+
+def bent(values):
+    """A drive that integrates what passes a dead zone."""
+    over = U - values["edge"]
+    return {
+        "y": 0.01
+        * np.cumsum(values["slope"] * np.maximum(over, 0.0) + 2.0 * np.minimum(U + values["low"], 0.0))
+    }
+
+
+def test_a_robust_fit_leads_out_of_an_optimum_in_which_all_errors_are_middling() -> None:
+    true = {"edge": 0.75, "low": 0.6, "slope": 1.8}
+    y = bent(true)["y"] + 0.01 * np.random.default_rng(3).standard_normal(N)
+    y[N // 2 :] += 4.0  # something that happened once
+    made = Problem({"y": y}, {"y": np.ones(N, dtype=bool)}, {"y": WINDOW}, bent, {"y": 1e-4})
+    made.noise["y"] = Noise(1e-4)
+    unknowns = [Unknown(n, 0.0, 5.0, 0.2) for n in true]
+    start = {"edge": 0.2, "low": 0.2, "slope": 5.0}
+    plain, robust = (made.fit(unknowns, start, 60, robust=way) for way in (False, True))
+    assert max(abs(plain.values[n] - v) for n, v in true.items()) > 0.1
+    for name, value in true.items():
+        assert robust.values[name] == pytest.approx(value, abs=0.02)
+    rows = made.rows(robust.values)
+    assert robust.log_likelihood == pytest.approx(-0.5 * float(np.sum(rows**2))), (
+        "of the values, whatever led to them"
+    )
+
+
+def test_with_some_nuisances_alone_the_others_take_nothing() -> None:
+    made = problem(np.random.default_rng(4), gain=1.0, shift=0.5)
+    slopes = np.stack([np.gradient(U), U])
+    made.share([Unknown("shift", -1.0, 1.0, 1.0, 0.7), Unknown("size", -1.0, 1.0, 1.0, 1.0)], {"y": slopes})
+    both = made.residuals({"gain": 0.9})["y"]
+    with made.sharing(["shift"]):
+        one = made.residuals({"gain": 0.9})["y"]
+        assert [u.name for u in made.nuisances_shared] == ["shift"]
+    assert np.std(both) == pytest.approx(0.01, rel=0.1)
+    assert np.std(one) == pytest.approx(0.1 * np.std(U), rel=0.1)
+    assert [u.name for u in made.nuisances_shared] == ["shift", "size"]
