@@ -25,6 +25,7 @@ from cosim.master.inputs import Series
 from cosim.signals import SIGNALS
 from cosim.ssp.hints import did_you_mean
 from cosim.ssp.read import read_system, resolve, settable_names
+from cosim.ssp.stated import assumed_si, with_units
 from cosim.ssp.system import Port, System, Value
 
 Array = NDArray[np.float64]
@@ -74,8 +75,11 @@ class Comparator:
         self.system = source if isinstance(source, System) else read_system(source, parameter_set)
         self._owned = None if isinstance(source, System) else self.system
         try:
+            if wrong := with_units(self.system, table.units):
+                raise DataError("; ".join(wrong))
             self.bindings = bind(self.system, self.log.units, table)
             self.measured = tuple(name for name in self.bindings if name in self.log)
+            self.notes += self._without_unit(table)
             self.starts = start_values(self.system, table, self.bindings)
             self._check(table.aside)
             self.runner = Runner(self._needed(), many=True)
@@ -186,6 +190,18 @@ class Comparator:
         left = [name for name in self.log.signals if name not in self.bindings and name not in parts]
         if left:
             self.notes.append(f"'{self.system.name}' has no {', '.join(left)}: not compared")
+
+    def _without_unit(self, table: CompareTable) -> list[str]:
+        """What to say of measured signals whose FMU states no unit."""
+        shown = []
+        for name in self.measured:
+            binding = self.bindings[name]
+            ports = [binding.port] if binding.port else [wire.target for wire in binding.wires]
+            stated = name in table.signals and table.signals[name].factor is not None
+            if ports and not stated and not any(self.system.variable(p).unit for p in ports):
+                shown.append((name, self.log.display[name]))
+        told = assumed_si(shown)
+        return [told] if told else []
 
     def _needed(self) -> System:
         """The part of the system that makes a measured signal: the rest would only cost time."""

@@ -278,3 +278,24 @@ def test_what_stays_wrong_passes_for_no_coloured_noise() -> None:
     assert made.noise["y"].times == ()
     # thirty windows count as independent
     assert made.noise["y"].rms ** 2 == pytest.approx(np.mean(slow**2) * N / 30, rel=0.2)
+
+
+def test_of_changes_that_do_the_same_rounding_does_not_choose() -> None:
+    """A neutral that moves is one dead zone larger and the other smaller: which of these two goes beside it is a rule."""
+    up, down = np.maximum(U, 0.0), np.maximum(-U, 0.0)
+    made = problem(np.random.default_rng(3))
+    for tiny in (-1e-13, 0.0, 1e-13):  # what another unit of the log changes
+        changes = {"dead_up": up * (1.0 + tiny), "dead_down": down, "neutral": down - up}
+        changes = {n: {"y": c} for n, c in changes.items()}
+        assert made.apart(changes, 6.0) == ["dead_up", "neutral"]
+    assert made.apart({"one": {"y": up}, "other": {"y": down}}, 6.0) == ["one", "other"]
+    assert made.apart({"one": {"y": 1e-6 * up}}, 6.0) == []
+
+
+def test_unknowns_that_change_nothing_are_spared_without_a_loss() -> None:
+    made = Problem({"y": U}, {"y": FITTED}, {"y": WINDOW}, lambda values: {"y": 0.0 * U}, {"y": 1e-3})
+    unknowns = [GAIN, Unknown("idle", -5.0, 5.0, 0.3)]
+    fit = made.fit(unknowns, {"gain": 1.0, "idle": 2.0})
+    spared = made.spare(fit, {"gain": 0.5, "idle": 1.0}, 6.0)
+    assert {name for name, _ in spared} == {"gain", "idle"}
+    assert spared[-1][1] == pytest.approx({"gain": 0.5, "idle": 1.0})
