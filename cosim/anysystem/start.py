@@ -311,7 +311,7 @@ def mapping_text(
                     else "# held = true    # where each value stays until the next sample, as a controller makes it"
                 )
             if not units[port] and column.unit:
-                said = _in_words(system, port)
+                said = unit_of_connector(system, port)
                 if said or not in_si(column.unit):
                     counts[port] = (said or column.unit, bool(said))
             told.append(f"{column.label.shown} -> {port}{f' ({doubt}: CHECK)' if doubt else ''}")
@@ -387,7 +387,7 @@ def _unit(system: System, connector: str) -> str:
     return system.variable(port).unit if port.component else system.inputs[port.variable].unit
 
 
-def _in_words(system: System, connector: str) -> str:
+def unit_of_connector(system: System, connector: str) -> str:
     """The unit that the descriptions of a connector's variables end with; empty where there is none."""
     port = port_of(system, connector)
     ports = [port] if port.component else [wire.target for wire in system.inputs[port.variable].targets]

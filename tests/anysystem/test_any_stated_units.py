@@ -8,9 +8,12 @@ import pytest
 
 from cosim.anysystem.read import read
 from cosim.anysystem.start import mapping_text
+from cosim.browser.form import connector_form
+from cosim.browser.mapping import mapping_of
 from cosim.compare import Comparator, load_mapping
 from cosim.errors import DataError
 from cosim.logs.load import load_log
+from cosim.logs.overview import overview
 from cosim.ssp.read import read_system
 from cosim.ssp.stated import unit_in_words
 
@@ -88,6 +91,18 @@ def test_a_first_mapping_says_in_which_unit_it_takes_the_fmu_to_count(plain: Pat
     assert '"command" = "bar"    # taken from the log: CHECK' in text
     assert '"plant.y" = "rad"    # as its description says' in text
     assert any("command" in line and "CHECK" in line for line in told)
+
+
+def test_the_page_writes_the_same(plain: Path, tmp_path: Path) -> None:
+    log, _ = files(plain, tmp_path, "")
+    found = overview(log)
+    with read_system(plain) as system:
+        form = connector_form(found, system)
+    rows = {row.signal: {"column": row.column} for row in form.rows}
+    made = mapping_of({"time": {"column": 0, "unit": "s"}, "rows": rows}, form, found, {})
+    assert made["compare"] == {"units": {"command": "bar", "plant.y": "deg"}}
+    assert made["signals"]["command"].get("held") == (True if found.columns[1].held else None)
+    assert {row.check[:24] for row in form.rows if row.column is not None} == {"the FMU states no unit: "}
 
 
 @pytest.mark.parametrize(
