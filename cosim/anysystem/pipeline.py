@@ -22,7 +22,7 @@ from cosim.diagnosis.budget import Budget
 from cosim.diagnosis.thresholds import FEWEST_SAMPLES
 from cosim.errors import DataError, SimulationError
 from cosim.inference.problem import Problem
-from cosim.ssp.system import Port, System
+from cosim.ssp.system import NUMERIC, Port, System
 from cosim.system.graph import CutGroup, measured_ports, port_of
 from cosim.system.runs import Runs
 from cosim.system.structure import Structure, structure
@@ -516,11 +516,12 @@ def unmeasured(system: System, group: CutGroup) -> dict[str, float | None]:
         for variable in system.components[component].fmu.variables.values():
             if (
                 variable.causality == "input"
-                and variable.kind == "Real"
+                and variable.kind in NUMERIC
                 and (component, variable.reference) not in entered
             ):
                 name = f"{component}.{variable.name}"
-                found[name] = value_of(system, name)
+                value = system.components[component].starts.get(variable.name, variable.start)
+                found[name] = float(value) if isinstance(value, (int, float)) else None
     return found
 
 

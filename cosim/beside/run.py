@@ -20,6 +20,9 @@ from cosim.logs.mapping import Mapping
 from cosim.report.earlier import COMPARED, Earlier, keep_logs
 from cosim.request import parameters
 from cosim.ssp.archive import scratch_folder
+from cosim.ssp.read import resolve
+from cosim.ssp.system import System, Value
+from cosim.system.graph import port_of
 from cosim.units import parse_quantity
 
 DEFAULT_MODEL = "full_order"
@@ -131,7 +134,8 @@ def beside(
         Comparator(loaded, runs, table=table, step=step) as comparator,
     ):
         limits = read_limits(list(thresholds), comparator)
-        given = parameters(comparator.system, [*table.parameter_files, *parameter_sets], list(settings))
+        given = constants(comparator.system, names)
+        given |= parameters(comparator.system, [*table.parameter_files, *parameter_sets], list(settings))
         extras = Extras(comparator, given)
         if calibration is not None:
             given = extras.calibrate(calibration, table, names)
@@ -151,6 +155,27 @@ def beside(
             written |= extras.write(comparison, out)
             earlier.clear()
     return Beside(comparison, source, extras, results, written)
+
+
+def constants(system: System, names: Mapping | None) -> dict[str, Value]:
+    """What the mapping of a diagnosis of any system says of parameters and of inputs that were not measured.
+
+    Raises:
+        DataError: there is none of a name.
+    """
+    stated = names.diagnose.get("constant", {}) if names is not None and not names.machine else {}
+    if not isinstance(stated, dict):
+        return {}
+    found: dict[str, Value] = {}
+    for name, value in stated.items():
+        known = resolve(system, name) and name not in system.inputs
+        port = None if known else port_of(system, name)
+        if port is None or port.component:
+            found[name if port is None else str(port)] = value
+            continue
+        wires = system.inputs[port.variable].targets
+        found |= {str(w.target): w.factor * value + w.offset for w in wires}
+    return found
 
 
 def _held_out_file(calibration: dict[str, Any] | None) -> list[Path]:

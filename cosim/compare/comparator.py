@@ -170,8 +170,19 @@ class Comparator:
             blocks=[self._block(group, single) for group in found],
             not_judged=not_judged,
             parameters={**self.start_values(), **given},
-            notes=[*self.notes, *notes],  # by now with what the runs had to say
+            notes=[*self.notes, *self._assumed(given), *notes],  # by now with what the runs had to say
         )
+
+    def _assumed(self, given: Mapping[str, Value]) -> list[str]:
+        """What to say of inputs that the log does not hold, of FMUs that run without."""
+        ports = dict.fromkeys(p for n in self.outputs for p in self._upstream(n, self.command).assumed)
+        shown = []
+        for port in ports:
+            starts = self.system.components[port.component].starts
+            value = given.get(str(port), starts.get(port.variable, self.system.variable(port).start))
+            shown.append(f"{port} ({value:g})" if isinstance(value, float) else f"{port} ({value})")
+        told = f"assumed: inputs that were not measured stay as they start: {', '.join(shown)}"
+        return [told] if shown else []
 
     def missing(self, name: str) -> tuple[str, ...]:
         """Inputs of the model that the log would need to hold for this signal to follow from the command."""
