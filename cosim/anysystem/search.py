@@ -52,6 +52,7 @@ ABOVE = 1.2  # times a reading's white noise: a fit that leaves more of it may n
 BETTER = 0.15  # a set of causes is named if it leaves no more than this part of what was systematic,
 LEAVES = 0.5  # or this of the windows held out, where they are other numbers of the law, or nothing tells what they leave
 CONSTANT = 0.95  # part of a reading's spread that an explanation leaves where it explains nothing
+SCATTERS = "differs from log to log so much that another may have none of it"
 WORTH = 0.85  # RMS of a signal with one cause more, at most, where a further cause is looked for
 PARTS = 8  # of a log, in each of which a drive may be off by the mean of its reading's noise
 KEPT_ON = 0.05  # of a response: so much of it at the end of the log is not forgotten
@@ -1351,15 +1352,18 @@ class Search:
             elif not matters or self._small(action, best.fit):
                 finding.refused.append((action, "is too small to matter"))
             elif self._none_between(action, between):
-                finding.refused.append(
-                    (action, "differs from log to log so much that another may have none of it")
-                )
+                finding.refused.append((action, SCATTERS))
             else:
                 kept.append(action)
-        if tuple(kept) != best.actions:
+        while tuple(kept) != best.actions:
             lost = [a for a in best.actions if a not in kept and a not in trusted]
             fit = self._fit(tuple(kept), self._values_without(best, lost))
             best = self._scored(Candidate(tuple(kept), fit or null.fit, self._price(kept)))
+            # what told one of them from none may be gone with the others
+            between = self._between(best)
+            gone = [a for a in kept if self._none_between(a, between)]
+            finding.refused += [(a, SCATTERS) for a in gone]
+            kept = [a for a in kept if a not in gone]
         finding.fitted = best
         if self.budget.over and best.actions:
             self._left_out("the last estimate, by the whole log")
