@@ -8,19 +8,20 @@ from pathlib import Path
 from typing import Any
 
 from cosim import console
+from cosim.anysystem.read import named_columns
 from cosim.beside.extras import Extras
 from cosim.compare import Comparator, CompareTable, Comparison, load_mapping, open_model
 from cosim.compare.limits import check_limits, read_limits
 from cosim.compare.model import build_wiring
 from cosim.compare.picture import write_pictures
 from cosim.compare.present import answer, as_data, write_series
-from cosim.errors import ModelError, UsageError
+from cosim.errors import DataError, ModelError, UsageError
 from cosim.logs import Log, load_log
 from cosim.logs.mapping import Mapping
 from cosim.report.earlier import COMPARED, Earlier, keep_logs
 from cosim.request import parameters
 from cosim.ssp.archive import scratch_folder
-from cosim.ssp.read import resolve
+from cosim.ssp.read import read_system, resolve
 from cosim.ssp.system import System, Value
 from cosim.system.graph import port_of
 from cosim.units import parse_quantity
@@ -122,6 +123,8 @@ def beside(
         DataError, ModelError, UsageError, SimulationError: whatever is wrong with log, model, request or run.
     """
     names, table = load_mapping(mapping) if mapping is not None else (None, CompareTable())
+    if names is None and model is not None and not isinstance(log, Log):
+        names = of_connectors(log, model)
     loaded = log if isinstance(log, Log) else load_log(log, names)
     inputs = [loaded.source, *([external] if external is not None else []), *parameter_sets]
     inputs += [*table.parameter_files, *_held_out_file(calibration)]
@@ -155,6 +158,20 @@ def beside(
             written |= extras.write(comparison, out)
             earlier.clear()
     return Beside(comparison, source, extras, results, written)
+
+
+def of_connectors(log: Path, model: str) -> Mapping | None:
+    """A mapping for a log whose columns are called like the connectors of somebody's own model, as a diagnosis takes them.
+
+    None where the model is one of ours, or no column is called so.
+    """
+    with read_system(open_model(model)) as system:
+        if all(part.fmu.ours or part.fmu.house for part in system.components.values()):
+            return None
+        try:
+            return named_columns(log, system, {})[0]
+        except DataError:
+            return None
 
 
 def constants(system: System, names: Mapping | None) -> dict[str, Value]:

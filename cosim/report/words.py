@@ -73,7 +73,8 @@ def number(value: float, spread: float = 0.0) -> str:
         return f"{value:.4g}" if abs(value) < 1e4 else f"{float(f'{value:.4g}'):.0f}"
     power = math.floor(math.log10(spread))
     decimals = min(max((1 if spread < 3.55 * 10.0**power else 0) - power, 0), 6)
-    return f"{value:.{decimals}f}"
+    text = f"{value:.{decimals}f}"
+    return text if float(text) else text.removeprefix("-")
 
 
 NOT_MET = "none that the log meets"

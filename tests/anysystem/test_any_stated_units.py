@@ -1,5 +1,6 @@
 """An FMU that states no unit, as those of plain pythonfmu: the mapping says in which it counts, or is asked."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -103,6 +104,20 @@ def test_the_page_writes_the_same(plain: Path, tmp_path: Path) -> None:
     assert made["compare"] == {"units": {"command": "bar", "plant.y": "deg"}}
     assert made["signals"]["command"].get("held") == (True if found.columns[1].held else None)
     assert {row.check[:24] for row in form.rows if row.column is not None} == {"the FMU states no unit: "}
+
+
+def test_a_comparison_takes_columns_called_like_connectors(command, plain: Path, tmp_path: Path) -> None:
+    """It knew the crane's names alone without a mapping, where a diagnosis needed none."""
+    log, mapping = files(plain, tmp_path, STATED)
+    own = tmp_path / "own.csv"
+    own.write_text(log.read_text().replace("t,command", "time [s],command", 1), encoding="utf-8")
+    mapping.write_text(mapping.read_text().replace('column = "t"', 'column = "time [s]"'), encoding="utf-8")
+    errors = []
+    for words in (("--model", plain), ("--mapping", mapping)):
+        code, out, err = command("compare", own, *words, "--json")
+        assert code == 0, err
+        errors.append(json.loads(out)["signals"]["plant.y"]["rmse"])
+    assert errors[0] == pytest.approx(np.degrees(errors[1]), rel=1e-6)  # one as the FMU counts, one in SI
 
 
 @pytest.mark.parametrize(

@@ -67,6 +67,7 @@ def friction(**changes):
         (2e-5, 1e-6, "2e-05"),
         (float("nan"), 1.0, "unknown"),
         (3.0, float("nan"), "3"),
+        (-0.28, 10.0, "0"),
     ],
 )
 def test_numbers_have_the_digits_they_deserve(value, spread, text):
