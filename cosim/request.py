@@ -162,9 +162,11 @@ def read_inputs(
 
 def _mapped(file: Path, mapping: Path, system: System) -> tuple[Any, dict[str, Any]]:
     """Inputs of a system of others by the mapping that its diagnosis takes, in their units."""
+    import numpy as np
+
     from cosim.anysystem.read import read
 
-    (log,), _, _ = read([file], system, mapping)
+    (log,), options, _ = read([file], system, mapping)
     for warning in log.warnings:
         warn(warning)
     found = {}
@@ -174,6 +176,16 @@ def _mapped(file: Path, mapping: Path, system: System) -> tuple[Any, dict[str, A
             found[name] = log.signals[name]
         elif wires:  # the mapping names the component's end
             found[name] = (log.signals[str(wires[0].target)] - wires[0].offset) / wires[0].factor
+    if found:  # what drives it; then what the mapping says of the others
+        for name, item in system.inputs.items():
+            ends = {str(w.target): w for w in item.targets if str(w.target) in options.constant}
+            if name in found:
+                continue
+            if name in options.constant:
+                found[name] = np.full(log.time.size, options.constant[name])
+            elif ends:  # of the component's end
+                end, wire = next(iter(ends.items()))
+                found[name] = np.full(log.time.size, (options.constant[end] - wire.offset) / wire.factor)
     return log.time, found
 
 

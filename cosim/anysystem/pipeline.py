@@ -22,7 +22,8 @@ from cosim.diagnosis.budget import Budget
 from cosim.diagnosis.thresholds import FEWEST_SAMPLES
 from cosim.errors import DataError, SimulationError
 from cosim.inference.problem import Problem
-from cosim.ssp.system import Port, System
+from cosim.logs.log import whole_interval
+from cosim.ssp.system import NUMERIC, Port, System
 from cosim.system.graph import CutGroup, measured_ports, port_of
 from cosim.system.runs import Runs
 from cosim.system.structure import Structure, structure
@@ -35,6 +36,7 @@ SEARCHED = 0.85  # of the time allowed, until which groups are judged
 AS_GOOD = 2.0  # times a reading's noise: a model that leaves no more of it takes the reading's place
 LEAST_GAIN = 0.05  # below it a reading holds more noise than signal
 UNEVEN = 0.01  # of an interval
+FAR = 5.0  # spreads of a reading by which a model errs that is in another unit, or runs away
 NO_LOGS: tuple[frozenset[int], frozenset[int]] = (frozenset(), frozenset())
 SAID = 3e-3  # of a signal's spread: what a finer solver changes of it is said
 
@@ -122,6 +124,8 @@ def segments_of(logs: Sequence[Recording], held: int) -> tuple[list[Segment], li
             }
             count = grid.size
             notes.append(f"{log.source}: uneven intervals: brought to {h:g} s by straight lines")
+        else:  # the mean interval: a median of rounded stamps would drift off them
+            h = whole_interval(float(f"{np.mean(intervals):.12g}"), count)
         windows = np.minimum(np.arange(count) * WINDOWS // count, WINDOWS - 1) + number
         number += WINDOWS
         fitted = np.full(count, k < len(logs) - held) if held else windows % 3 != 1
@@ -334,7 +338,7 @@ def judge(
         return
     found.findings[group.name] = finding
     found.notes += [f"{group.name}: a candidate was refused: {text}" for text in search.problem.failures]
-    found.notes += at_limits(finding) + own_steps(finding)
+    found.notes += at_limits(finding) + own_steps(finding) + far_off(finding)
     if finding.unexplained:
         return
     for one in (finding, *healthy):
@@ -519,12 +523,28 @@ def unmeasured(system: System, group: CutGroup) -> dict[str, float | None]:
         for variable in system.components[component].fmu.variables.values():
             if (
                 variable.causality == "input"
-                and variable.kind == "Real"
+                and variable.kind in NUMERIC
                 and (component, variable.reference) not in entered
             ):
                 name = f"{component}.{variable.name}"
-                found[name] = value_of(system, name)
+                value = system.components[component].starts.get(variable.name, variable.start)
+                found[name] = float(value) if isinstance(value, (int, float)) else None
     return found
+
+
+def far_off(finding: Finding) -> list[str]:
+    """Signals that stay wrong and of which the model as it is goes far beyond anything that was read."""
+    residual = finding.problem.residuals(finding.null.fit.values)
+    notes = []
+    for signal in finding.unexplained:
+        own = finding.model.whole(residual, signal)
+        times = float(np.sqrt(np.mean(own**2))) / max(finding.spreads[signal], 1e-300)
+        if times > FAR:
+            notes.append(
+                f"{signal}: the model as it is errs {times:.2g} times as much as the reading varies: check units, signs "
+                "and values in the mapping and in the FMU"
+            )
+    return notes
 
 
 def stated_inputs(system: System, options: AnyOptions) -> dict[str, float]:

@@ -19,8 +19,10 @@ from cosim.logs.source import Label
 from cosim.machines import in_package
 from cosim.signals import SIGNALS, SYNTHETIC_COLUMN, conversion
 from cosim.ssp.quantities import UnitDefinition, contradiction, definition, of_reading
+from cosim.ssp.stated import assumed_si, with_units
 from cosim.ssp.system import Port, System, Variable
 from cosim.system.graph import connectors, port_of
+from cosim.units import parse_quantity
 
 Array = NDArray[np.float64]
 OWN = "in the unit of the FMU"
@@ -201,7 +203,7 @@ def read(
     if mapping is not None:
         plain, table = load_mapping(mapping)
         options = options_of(plain.diagnose, mapping)
-        lacking = []
+        lacking = with_units(system, table.units)
         stated = {**table.signals, **in_package(system, plain, table)}
         for name in plain.signals:
             target = stated.get(name)
@@ -362,12 +364,15 @@ def _recording(
             )
         time = time * options.sample
     found = Recording(log.source, time, {}, {}, list(log.warnings), log.sha256, log.synthetic)
+    without: list[tuple[str, str]] = []
     for name, values in log.signals.items():
         connector, stated = targets.get(name, (name.removeprefix("system."), None))
         port = port_of(system, connector)
         unit, shown = _unit(system, port), log.display[name]
         column = mapping.signals[name]
-        own = column.text == OWN or not unit
+        own = column.text == OWN
+        if not (own or unit or stated):
+            without.append((connector, shown))
         factor, offset = (1.0, 0.0) if own else _conversion(log, name, log.units[name], port, system, stated)
         # an FMU that states no unit takes SI; people read it in the log's unit
         scale = 1.0 if column.text == OWN else conversion(shown, log.units[name])
@@ -383,6 +388,8 @@ def _recording(
         found.columns[connector] = Column(name, connector, text or "1", factor * scale, offset)
         if name in log.held:
             found.held |= {connector}
+    if told := assumed_si(without):
+        found.warnings.append(told)
     return found
 
 
@@ -396,16 +403,19 @@ def _conversion(
     """
     unit = _unit(system, port)
     if stated is not None:
-        from cosim.units import parse_quantity
-
+        known = (
+            definition(unit or "1", {}) is not None
+        )  # of a unit that only its FMU knows the number is taken
+        ratio = f"({unit or '1'})/({si})" if known else "1"
         try:
-            return parse_quantity(stated.split()[0], "1"), 0.0
+            return parse_quantity(stated if known else stated.split()[0], ratio), 0.0
         except UsageError as error:
             raise DataError(f"compare.signals.{name}.factor: {error}") from None
     label = log.display[name]
     found = of_reading(label, si, unit, _known(system, port))
     if found is None:
         raise DataError(
-            f"{log.source}: '{name}' is in '{label}', but {port} in '{unit}': correct the heading or the mapping"
+            f"{log.source}: '{name}' is in '{label}', but {port if port.component else port.variable} in '{unit}': "
+            "correct the heading or the mapping"
         )
     return found

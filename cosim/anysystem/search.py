@@ -51,6 +51,8 @@ LOUD = 3.0  # times its white noise: a residual beyond both is no noise even if 
 ABOVE = 1.2  # times a reading's white noise: a fit that leaves more of it may not be the best of its kind
 BETTER = 0.15  # a set of causes is named if it leaves no more than this part of what was systematic,
 LEAVES = 0.5  # or this of the windows held out, where they are other numbers of the law, or nothing tells what they leave
+CONSTANT = 0.95  # part of a reading's spread that an explanation leaves where it explains nothing
+SCATTERS = "differs from log to log so much that another may have none of it"
 WORTH = 0.85  # RMS of a signal with one cause more, at most, where a further cause is looked for
 PARTS = 8  # of a log, in each of which a drive may be off by the mean of its reading's noise
 KEPT_ON = 0.05  # of a response: so much of it at the end of the log is not forgotten
@@ -1411,15 +1413,18 @@ class Search:
             elif not matters or self._small(action, best.fit):
                 finding.refused.append((action, "is too small to matter"))
             elif self._none_between(action, between):
-                finding.refused.append(
-                    (action, "differs from log to log so much that another may have none of it")
-                )
+                finding.refused.append((action, SCATTERS))
             else:
                 kept.append(action)
-        if tuple(kept) != best.actions:
+        while tuple(kept) != best.actions:
             lost = [a for a in best.actions if a not in kept and a not in trusted]
             fit = self._fit(tuple(kept), self._values_without(best, lost))
             best = self._scored(Candidate(tuple(kept), fit or null.fit, self._price(kept)))
+            # what told one of them from none may be gone with the others
+            between = self._between(best)
+            gone = [a for a in kept if self._none_between(a, between)]
+            finding.refused += [(a, SCATTERS) for a in gone]
+            kept = [a for a in kept if a not in gone]
         finding.fitted = best
         finding.settled = self._settled(best)
         if self.budget.over and best.actions:
@@ -1433,10 +1438,15 @@ class Search:
         left = self._told(residual, best)
         wrong = self._wrong(left, residual)
         if best.actions and wrong:
-            ratio = self._left(best.fit, wrong)
-            if ratio > BETTER and not self._borne_out(best, finding.fitted.fit, wrong, left):
-                for action in best.actions:
-                    finding.refused.append((action, f"leaves {100 * ratio:.0f} % of what is systematic"))
+            ratio, why = self._left(best.fit, wrong), ""
+            if any(self._silences(action, best.fit) for action in best.actions):
+                why = "may be zero: the log then shows nothing of what the model hands on there"
+            elif self._as_a_constant(best.fit, wrong):
+                why = "explains no more of the log than a constant reading would"
+            elif ratio > BETTER and not self._borne_out(best, finding.fitted.fit, wrong, left):
+                why = f"leaves {100 * ratio:.0f} % of what is systematic"
+            if why:
+                finding.refused += [(action, why) for action in best.actions]
                 best = null
                 residual = problem.residuals(null.fit.values)
                 left = self._told(residual, null)
@@ -1720,6 +1730,23 @@ class Search:
             if name in known
         ]
         return bool(differ) and not any(differ)
+
+    def _silences(self, action: Action, fit: Fit) -> bool:
+        """Whether a gain may be zero, beside something that stays wrong: the model then is one that explains nothing."""
+        names = [n for n in self._off(action) if n.endswith("|gain") and n in {u.name for u in fit.unknowns}]
+        return any(abs(fit.values[n]) <= 1.96 * fit.deviation(n) for n in names)
+
+    def _as_a_constant(self, fit: Fit, wrong: Collection[str]) -> bool:
+        """Whether each signal that stays wrong is as far from the model as from its own mean.
+
+        A model that is far off, such as one in another unit, comes nearer by whatever silences it.
+        """
+        residual = self.problem.residuals(fit.values)
+        return all(
+            np.sqrt(np.mean(self._part(residual, s, False) ** 2))
+            > CONSTANT * np.std(self._part(self.problem.measured, s, False))
+            for s in wrong
+        )
 
     def _white(self, signal: str) -> float:
         """White noise of a reading; what is rounded has at least that of its steps, and all what two runs differ by."""

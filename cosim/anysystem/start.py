@@ -14,6 +14,7 @@ from cosim.logs.guess import column_of, stamped, time_lines
 from cosim.logs.overview import Column, Overview, overview
 from cosim.logs.source import Label
 from cosim.ssp.quantities import definition
+from cosim.ssp.stated import in_si, unit_in_words
 from cosim.ssp.system import Port, System, Variable
 from cosim.system.graph import connectors, port_of
 
@@ -291,6 +292,9 @@ def mapping_text(
         *time_lines(found, clock),
     ]
     told, open_ = [], []
+    counts: dict[
+        str, tuple[str, bool]
+    ] = {}  # connector -> unit of an FMU that states none, and if a description has it
     times = _stamps(found) | found.times
     driving = entering(system)
     for k, column in enumerate(found.columns):
@@ -312,10 +316,19 @@ def mapping_text(
                     if column.held
                     else "# held = true    # where each value stays until the next sample, as a controller makes it"
                 )
+            if not units[port] and column.unit:
+                said = unit_of_connector(system, port)
+                if said or not in_si(column.unit):
+                    counts[port] = (said or column.unit, bool(said))
             told.append(f"{column.label.shown} -> {port}{f' ({doubt}: CHECK)' if doubt else ''}")
         elif k not in times:
             rest = ", ".join(p for p in ports if p not in taken.values())
-            lines += ["", f"# what is this column? connectors: {rest}", '# [signals."component.connector"]']
+            what = (
+                f"# what is this column? connectors: {rest}"
+                if rest
+                else "# no connector is left for this column"
+            )
+            lines += ["", what, '# [signals."component.connector"]']
             lines += [f"# column = {column_of(found, column)}", f"# unit = {_quoted(column.unit or '1')}"]
             open_.append(f"column '{column.label.shown}'")
     open_ += [
@@ -326,6 +339,18 @@ def mapping_text(
             f"{log}: no column looks like a variable, and there are no connectors, of {model} "
             f"({', '.join(internal(system)[:20])}): write the mapping by hand"
         )
+    if counts:
+        lines += ["", "[compare.units]    # in which unit an FMU counts that states none"]
+        lines += [
+            f"{_quoted(port)} = {_quoted(unit)}"
+            + ("    # as its description says" if sure else "    # taken from the log: CHECK")
+            for port, (unit, sure) in counts.items()
+        ]
+        told += [
+            f"{port}: the FMU states no unit, taken to count in {unit} as the log does: CHECK"
+            for port, (unit, sure) in counts.items()
+            if not sure
+        ]
     numbers = [
         f"{c.name}.{v.name}"
         for c in system.components.values()
@@ -366,6 +391,13 @@ def settable(variable: Variable) -> bool:
 def _unit(system: System, connector: str) -> str:
     port = port_of(system, connector)
     return system.variable(port).unit if port.component else system.inputs[port.variable].unit
+
+
+def unit_of_connector(system: System, connector: str) -> str:
+    """The unit that the descriptions of a connector's variables end with; empty where there is none."""
+    port = port_of(system, connector)
+    ports = [port] if port.component else [wire.target for wire in system.inputs[port.variable].targets]
+    return next((unit for unit in (unit_in_words(system.variable(p)) for p in ports) if unit), "")
 
 
 def _relative(model: Path, folder: Path) -> str:

@@ -8,18 +8,22 @@ from pathlib import Path
 from typing import Any
 
 from cosim import console
+from cosim.anysystem.read import named_columns
 from cosim.beside.extras import Extras
 from cosim.compare import Comparator, CompareTable, Comparison, load_mapping, open_model
 from cosim.compare.limits import check_limits, read_limits
 from cosim.compare.model import build_wiring
 from cosim.compare.picture import write_pictures
 from cosim.compare.present import answer, as_data, write_series
-from cosim.errors import ModelError, UsageError
+from cosim.errors import DataError, ModelError, UsageError
 from cosim.logs import Log, load_log
 from cosim.logs.mapping import Mapping
 from cosim.report.earlier import COMPARED, Earlier, keep_logs
 from cosim.request import parameters
 from cosim.ssp.archive import scratch_folder
+from cosim.ssp.read import read_system, resolve
+from cosim.ssp.system import System, Value
+from cosim.system.graph import port_of
 from cosim.units import parse_quantity
 
 DEFAULT_MODEL = "full_order"
@@ -119,6 +123,8 @@ def beside(
         DataError, ModelError, UsageError, SimulationError: whatever is wrong with log, model, request or run.
     """
     names, table = load_mapping(mapping) if mapping is not None else (None, CompareTable())
+    if names is None and model is not None and not isinstance(log, Log):
+        names = of_connectors(log, model)
     loaded = log if isinstance(log, Log) else load_log(log, names)
     inputs = [loaded.source, *([external] if external is not None else []), *parameter_sets]
     inputs += [*table.parameter_files, *_held_out_file(calibration)]
@@ -131,7 +137,8 @@ def beside(
         Comparator(loaded, runs, table=table, step=step) as comparator,
     ):
         limits = read_limits(list(thresholds), comparator)
-        given = parameters(comparator.system, [*table.parameter_files, *parameter_sets], list(settings))
+        given = constants(comparator.system, names)
+        given |= parameters(comparator.system, [*table.parameter_files, *parameter_sets], list(settings))
         extras = Extras(comparator, given)
         if calibration is not None:
             given = extras.calibrate(calibration, table, names)
@@ -151,6 +158,41 @@ def beside(
             written |= extras.write(comparison, out)
             earlier.clear()
     return Beside(comparison, source, extras, results, written)
+
+
+def of_connectors(log: Path, model: str) -> Mapping | None:
+    """A mapping for a log whose columns are called like the connectors of somebody's own model, as a diagnosis takes them.
+
+    None where the model is one of ours, or no column is called so.
+    """
+    with read_system(open_model(model)) as system:
+        if all(part.fmu.ours or part.fmu.house for part in system.components.values()):
+            return None
+        try:
+            return named_columns(log, system, {})[0]
+        except DataError:
+            return None
+
+
+def constants(system: System, names: Mapping | None) -> dict[str, Value]:
+    """What the mapping of a diagnosis of any system says of parameters and of inputs that were not measured.
+
+    Raises:
+        DataError: there is none of a name.
+    """
+    stated = names.diagnose.get("constant", {}) if names is not None and not names.machine else {}
+    if not isinstance(stated, dict):
+        return {}
+    found: dict[str, Value] = {}
+    for name, value in stated.items():
+        known = resolve(system, name) and name not in system.inputs
+        port = None if known else port_of(system, name)
+        if port is None or port.component:
+            found[name if port is None else str(port)] = value
+            continue
+        wires = system.inputs[port.variable].targets
+        found |= {str(w.target): w.factor * value + w.offset for w in wires}
+    return found
 
 
 def _held_out_file(calibration: dict[str, Any] | None) -> list[Path]:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.anysystem.start import entering, of_file
+from cosim.anysystem.start import entering, of_file, unit_of_connector
 from cosim.errors import UsageError
 from cosim.logs.guess import DRIVERS, MOTIONS, Guess, demands, guesses, likely, machine_lines, texts_of
 from cosim.logs.mapping import Column as Named
@@ -17,10 +17,12 @@ from cosim.logs.mapping import Mapping, SignalColumn
 from cosim.logs.overview import Column, Overview
 from cosim.plots import thinned
 from cosim.signals import LOG_SIGNALS, SIGNALS
+from cosim.ssp.stated import in_si
 from cosim.ssp.system import System
 from cosim.system.graph import port_of
 
 POINTS = 160  # of a column's small picture
+OWN = "own"
 DRIVE = "u"  # without the crane's command nothing can be simulated
 OF_MACHINES = {
     "torque": "N.m",
@@ -47,6 +49,7 @@ class Row:
         why: reason of the guess.
         check: what a person should look at, or empty.
         minus: a column and the one whose reading is taken off it, where each direction has a column of its own.
+        counts: unit in which an FMU that states none counts, as its description says; ``OWN``: as the log does; else empty.
     """
 
     signal: str
@@ -61,6 +64,7 @@ class Row:
     why: str = ""
     check: str = ""
     minus: tuple[int, int] | None = None
+    counts: str = ""
 
 
 @dataclass
@@ -217,6 +221,7 @@ def connector_form(found: Overview, system: System) -> Form:
     for port, own in matched.units.items():
         row = Row(port, "input" if port in system.inputs else "", unit=own or "1")
         row.held = False if port_of(system, port) in driving else None
+        row.counts = "" if own else unit_of_connector(system, port) or OWN
         if port in columns:
             column = found.columns[columns[port]]
             row.column, row.unit, row.why = column.index, column.unit or own or "1", "its name"
@@ -224,6 +229,8 @@ def connector_form(found: Overview, system: System) -> Form:
             row.check = matched.check(column.index)
             if not row.check and own and not column.unit:
                 row.check = "the heading has no unit"
+            if not row.check and row.counts == OWN and not in_si(row.unit):
+                row.check = "the FMU states no unit: it is taken to count as the log does"
         rows.append(row)
     rows.sort(key=lambda row: row.column is None)
     outputs = [row.signal for row in rows if row.signal not in system.inputs]

@@ -5,9 +5,10 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from cosim.browser.form import Form, Row, find, named
+from cosim.browser.form import OWN, Form, Row, find, named
 from cosim.errors import UsageError
 from cosim.logs.overview import Overview, longest
+from cosim.ssp.stated import in_si
 
 Content = dict[str, Any]
 MOST = 200  # characters of a text that comes from the page
@@ -40,6 +41,7 @@ def mapping_of(given: Any, form: Form, found: Overview, base: Content) -> Conten
     rows = _table(_table(given, "the form").get("rows"), "rows")
     entries: Content = {}
     chosen: dict[int, str] = {}
+    counts: dict[str, str] = {}
     for row in form.rows:
         sent = _table(rows.get(row.signal, {}), row.signal)
         column = sent.get("column")
@@ -66,6 +68,9 @@ def mapping_of(given: Any, form: Form, found: Overview, base: Content) -> Conten
             entries[row.signal]["held"] = sent.get("held", row.held) is True
         if row.minus is not None and column == row.minus[0]:
             entries[row.signal]["minus"] = named(found, row.minus[1])
+        unit = entries[row.signal]["unit"]
+        if row.counts and (row.counts != OWN or not in_si(unit)):
+            counts[row.signal] = unit if row.counts == OWN else row.counts
         chosen[column] = row.signal
     if not entries:
         raise FormError("no signal has a column: choose at least the command and what was measured")
@@ -73,6 +78,9 @@ def mapping_of(given: Any, form: Form, found: Overview, base: Content) -> Conten
         raise FormError(f"there is nothing to compare the model with: choose a column for {form.named}")
     clock = _time(_table(given.get("time", {}), "time"), found, list(chosen))
     made = {**base, "time": clock, "signals": entries}
+    if counts:
+        compare = base.get("compare", {})
+        made["compare"] = {**compare, "units": {**counts, **compare.get("units", {})}}
     if "held_out" in base:  # of what has a column now
         known = entries.keys() | ({"time"} if "column" in clock else set())
         made["held_out"] = {name: column for name, column in base["held_out"].items() if name in known}

@@ -25,6 +25,7 @@ from cosim.master.inputs import Series
 from cosim.signals import SIGNALS
 from cosim.ssp.hints import did_you_mean
 from cosim.ssp.read import read_system, resolve, settable_names
+from cosim.ssp.stated import assumed_si, with_units
 from cosim.ssp.system import Port, System, Value
 
 Array = NDArray[np.float64]
@@ -74,8 +75,11 @@ class Comparator:
         self.system = source if isinstance(source, System) else read_system(source, parameter_set)
         self._owned = None if isinstance(source, System) else self.system
         try:
+            if wrong := with_units(self.system, table.units):
+                raise DataError("; ".join(wrong))
             self.bindings = bind(self.system, self.log.units, table)
             self.measured = tuple(name for name in self.bindings if name in self.log)
+            self.notes += self._without_unit(table)
             self.starts = start_values(self.system, table, self.bindings)
             self._check(table.aside)
             self.runner = Runner(self._needed(), many=True)
@@ -166,8 +170,19 @@ class Comparator:
             blocks=[self._block(group, single) for group in found],
             not_judged=not_judged,
             parameters={**self.start_values(), **given},
-            notes=[*self.notes, *notes],  # by now with what the runs had to say
+            notes=[*self.notes, *self._assumed(given), *notes],  # by now with what the runs had to say
         )
+
+    def _assumed(self, given: Mapping[str, Value]) -> list[str]:
+        """What to say of inputs that the log does not hold, of FMUs that run without."""
+        ports = dict.fromkeys(p for n in self.outputs for p in self._upstream(n, self.command).assumed)
+        shown = []
+        for port in ports:
+            starts = self.system.components[port.component].starts
+            value = given.get(str(port), starts.get(port.variable, self.system.variable(port).start))
+            shown.append(f"{port} ({value:g})" if isinstance(value, float) else f"{port} ({value})")
+        told = f"assumed: inputs that were not measured stay as they start: {', '.join(shown)}"
+        return [told] if shown else []
 
     def missing(self, name: str) -> tuple[str, ...]:
         """Inputs of the model that the log would need to hold for this signal to follow from the command."""
@@ -186,6 +201,18 @@ class Comparator:
         left = [name for name in self.log.signals if name not in self.bindings and name not in parts]
         if left:
             self.notes.append(f"'{self.system.name}' has no {', '.join(left)}: not compared")
+
+    def _without_unit(self, table: CompareTable) -> list[str]:
+        """What to say of measured signals whose FMU states no unit."""
+        shown = []
+        for name in self.measured:
+            binding = self.bindings[name]
+            ports = [binding.port] if binding.port else [wire.target for wire in binding.wires]
+            stated = name in table.signals and table.signals[name].factor is not None
+            if ports and not stated and not any(self.system.variable(p).unit for p in ports):
+                shown.append((name, self.log.display[name]))
+        told = assumed_si(shown)
+        return [told] if told else []
 
     def _needed(self) -> System:
         """The part of the system that makes a measured signal: the rest would only cost time."""

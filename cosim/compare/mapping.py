@@ -10,6 +10,9 @@ factor = "1 rad/m"
 [compare.start]
 "mechanical.theta_0" = "position"
 
+[compare.units]
+"axis.p_up" = "bar"
+
 [compare.calibrate]
 free = ["mechanical.J", "mechanical.b=0:500 N.m.s/rad"]
 """
@@ -64,6 +67,7 @@ class CompareTable(_Strict):
         parameters: .ssv files to apply, relative to the mapping file.
         signals: signal -> variable of the model, before the names that are known anyway.
         start: ``component.parameter`` -> the signal whose first value it takes.
+        units: ``component.variable`` -> the unit in which its FMU counts, where that states none.
         calibrate: what a calibration frees.
         folder: where the mapping file lies.
         aside: signal that stands for nothing in the model although its name is known -> why; no key of the file.
@@ -72,6 +76,7 @@ class CompareTable(_Strict):
     parameters: tuple[str, ...] = ()
     signals: dict[str, Target] = {}
     start: dict[str, str] = {}
+    units: dict[str, str] = {}
     calibrate: CalibrateTable = CalibrateTable()
     folder: Path = Field(default=Path(), exclude=True)
     aside: dict[str, str] = Field(default={}, exclude=True)
@@ -99,7 +104,7 @@ def load_mapping(path: Path) -> tuple[Mapping, CompareTable]:
 def _table(content: object, path: Path) -> CompareTable:
     if not isinstance(content, dict) or {"folder", "aside"} & content.keys():
         raise DataError(
-            f"{path}: '{TABLE}' must be a table with the keys parameters, signals, start, calibrate"
+            f"{path}: '{TABLE}' must be a table with the keys parameters, signals, start, units, calibrate"
         )
     try:
         return CompareTable.model_validate({**content, "folder": path.resolve().parent})

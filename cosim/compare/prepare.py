@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import DataError, UsageError
-from cosim.logs.log import Log
+from cosim.logs.log import Log, whole_interval
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -39,7 +39,7 @@ def on_grid(log: Log, step: float | None = None) -> tuple[Log, float, list[str]]
     if log.time_unit != "s":
         notes.append("the log has no time: one sample counts as 1 s")
     # the mean interval: a median of rounded stamps would drift off them
-    mean = float(f"{log.duration / (len(log) - 1):.10g}")
+    mean = whole_interval(float(f"{log.duration / (len(log) - 1):.10g}"), len(log))
     grid = log.time[0] + np.arange(len(log)) * mean
     uniform = bool(np.max(np.abs(log.time - grid)) <= ON_GRID * mean)
     wanted = (mean if uniform else log.step) if step is None else step

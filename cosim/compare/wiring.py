@@ -14,12 +14,14 @@ class Upstream:
     Attributes:
         components: between the signal and the nearest measured signals before it, in the order of the system.
         driven_by: those measured signals.
-        missing: inputs of the model on the way that the log does not hold.
+        missing: inputs of the model on the way that the log does not hold, and without which nothing can be simulated.
+        assumed: inputs on the way that the log does not hold, either: FMUs of others keep the start value that they give.
     """
 
     components: tuple[str, ...]
     driven_by: tuple[str, ...]
     missing: tuple[str, ...]
+    assumed: tuple[Port, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -89,11 +91,22 @@ def upstream(
             for w in system.wires
             if w.target.component == component and w.target not in stops and w.target not in silent
         ]
+    lacking = {name: [p for p, n in silent.items() if n == name and p.component in seen] for name in missing}
+    # what nothing drives is not simulated from start values alone
+    assumed = {n for n, ports in lacking.items() if driven and all(_given(system, p) for p in ports)}
     return Upstream(
         tuple(name for name in system.components if name in seen),
         tuple(name for name in bindings if name in driven),
-        tuple(sorted(missing)),
+        tuple(sorted(missing - assumed)),
+        tuple(port for name in sorted(assumed) for port in lacking[name]),
     )
+
+
+def _given(system: System, port: Port) -> bool:
+    """Whether an input has a value without being measured, as a diagnosis of any system takes it."""
+    part = system.components[port.component]
+    known = port.variable in part.starts or part.fmu.variables[port.variable].start is not None
+    return known and not (part.fmu.ours or part.fmu.house)
 
 
 def groups(

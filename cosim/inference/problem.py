@@ -12,7 +12,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import qr
 from scipy.optimize import least_squares
 
 from cosim.errors import SimulationError
@@ -30,6 +29,7 @@ FINE = 0.2  # of that in the last fit
 EVALUATIONS = 14  # of one search
 FAILED = 1e6  # whitened residual where the model cannot be run
 LARGEST = 1e120  # of one that runs away: its square is a number
+EQUAL = 1e-6  # share by which sizes that are the same differ, by rounding and by the steps of an FMU
 
 
 @dataclass(frozen=True)
@@ -422,7 +422,8 @@ class Problem:
     def apart(self, changes: Mapping[str, Mapping[str, Array]], least: float) -> list[str]:
         """Names of the changes that show by more than `least` in log-likelihood beside all others, in the order given.
 
-        Of changes that do the same the largest is kept (QR with pivots: Businger and Golub 1965).
+        Of changes that do the same the largest is kept (QR with pivots: Businger and Golub 1965), and of equal ones the
+        first: which of them is a rounding error larger says nothing, and changes with the unit of the log.
 
         Args:
             changes: name -> what it changes of each signal.
@@ -433,9 +434,20 @@ class Problem:
         if not names:
             return []
         columns = np.stack([white[n] for n in names], axis=1)
-        triangle, order = qr(columns, mode="r", pivoting=True)
-        own = np.abs(np.diag(triangle))
-        kept = {names[k] for k, size in zip(order, own, strict=False) if 0.5 * size**2 > least}
+        scale = float(np.abs(columns).max()) or 1.0
+        left = columns / scale
+        kept = set[str]()
+        while len(kept) < len(names):
+            sizes = np.sum(left**2, axis=0)
+            k = int(np.argmax(sizes >= (1.0 - EQUAL) * sizes.max()))
+            if 0.5 * sizes[k] * scale**2 <= least:
+                break
+            kept.add(names[k])
+            for _ in range(2):  # a second time takes what rounding left of the first
+                way = left[:, k] / np.sqrt(sizes[k])
+                others = np.arange(len(names)) != k
+                left[:, others] -= np.outer(way, way @ left[:, others])
+            left[:, k] = 0.0
         return [n for n in names if n in kept]
 
     def spare(
@@ -448,8 +460,9 @@ class Problem:
         """
         slopes = self.slopes(fit)
         sizes, ways = np.linalg.eigh(slopes.T @ slopes)
-        # of what the data do not tell apart nothing is known
-        covariance = (ways / np.maximum(sizes, 1e-9 * max(float(sizes[-1]), 1e-300))) @ ways.T
+        # of what the data do not tell apart nothing is known; where they tell nothing at all the inverse stays a number
+        least_known = 1e-9 * max(float(sizes[-1]), float(np.sqrt(np.finfo(np.float64).tiny)))
+        covariance = (ways / np.maximum(sizes, least_known)) @ ways.T
         away = np.array([(fit.values[u.name] - without[u.name]) / u.scale for u in fit.unknowns])
         dropped: list[int] = []
         found: list[tuple[str, dict[str, float]]] = []

@@ -25,6 +25,24 @@ _UNIFORM = (
     0.01  # largest deviation of an interval, in median intervals; stamps rounded to 10 us at 1 kHz still pass
 )
 
+_DRIFT = 0.01  # intervals by which all samples together may miss a round interval
+
+
+def whole_interval(interval: float, count: int) -> float:
+    """An interval as its logger was set: the round number that it is of all samples to a hundredth of one.
+
+    A clock's rounding makes 10 ms 10.0001 ms. An FMU may take steps of 10 ms only, and logs of one logger have one interval.
+
+    Args:
+        interval: between samples [s].
+        count: of samples.
+    """
+    for digits in (1, 2, 3):
+        rounded = float(f"{interval:.{digits}g}")
+        if abs(rounded - interval) * count <= _DRIFT * interval:
+            return rounded
+    return interval
+
 
 @dataclass(frozen=True)
 class Gap:

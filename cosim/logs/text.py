@@ -43,6 +43,12 @@ _MISSING = [
 ]
 # LabVIEW's graphs are exported so: 731.5m, 3k
 _PREFIXES = {"p": 1e-12, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "m": 1e-3, "k": 1e3, "M": 1e6, "G": 1e9}
+_TRUTH = {
+    "true": 1.0,
+    "false": 0.0,
+    "wahr": 1.0,
+    "falsch": 0.0,
+}  # of a switch, as programs and Excel write it
 _PREFIXED = re.compile(r"([-+\d.,eE]*\d[\d.,]*)\s?([pnuµmkMG])")
 _BREAK = re.compile(r"\r\n|\r|\n")
 _BLOCK = 1 << 22
@@ -373,6 +379,8 @@ class TextSource(Source):
                 self.warnings.append(f"numbers with a prefix were read as such: '{text}', m is a thousandth")
             self._prefixed = True
             return float(prefixed[1].replace(",", ".")) * _PREFIXES[prefixed[2]]
+        if (truth := _TRUTH.get(text.lower())) is not None:
+            return truth
         shown = text if len(text) <= 30 else text[:30] + "..."
         raise DataError(
             f"{self.path}: row {line}, column '{self.labels[k].text}': '{shown}' is not a number"

@@ -236,7 +236,10 @@ class Engine:
             f"failed in {call_name(instance, call)} at t = {self.time[k]:.9g} s (status {label})"
         )
         if status == DISCARD and instance.component.fmu.module is not None and not instance.messages:
-            said += ": so a Python FMU answers whose do_step does not end with 'return True'"
+            said += (
+                ": so a Python FMU answers whose do_step does not end with 'return True', or that takes no steps of "
+                f"{self.grid[1] - self.grid[0]:.9g} s"
+            )
         raise SimulationError(said)
 
     @contextmanager

@@ -73,7 +73,8 @@ def number(value: float, spread: float = 0.0) -> str:
         return f"{value:.4g}" if abs(value) < 1e4 else f"{float(f'{value:.4g}'):.0f}"
     power = math.floor(math.log10(spread))
     decimals = min(max((1 if spread < 3.55 * 10.0**power else 0) - power, 0), 6)
-    return f"{value:.{decimals}f}"
+    text = f"{value:.{decimals}f}"
+    return text if float(text) else text.removeprefix("-")
 
 
 NOT_MET = "none that the log meets"
@@ -128,7 +129,10 @@ class Quantity:
 
 def effect_name(effect: str) -> str:
     """An effect as people call it: ``mechanical.coulomb_friction`` is "Coulomb friction"."""
-    name = effect.partition(".")[2].replace("_", " ")
+    name, place, where = effect.partition(".")[2].partition(
+        " at "
+    )  # of any system: names of the model stay as they are
+    name = name.replace("_", " ") + place + where
     for proper in ("coulomb", "stribeck"):
         name = name.replace(proper, proper.capitalize())
     return name
@@ -139,7 +143,9 @@ def effect_in_block(effect: str) -> str:
     if effect in NAMES:
         return called(effect)
     block = effect.partition(".")[0]
-    if block == "port" or block.startswith("parameter "):
+    if block.startswith("parameter "):
+        return effect
+    if block == "port":
         return effect_name(effect)  # of any system: the words say where it is
     return f"{effect_name(effect)} ({block_name(block)})"
 

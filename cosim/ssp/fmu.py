@@ -364,6 +364,7 @@ def _variable(
             display_offset=offset,
             low=-math.inf if low is None else _no_nan(low),
             high=math.inf if high is None else _no_nan(high),
+            description=item.description or "",
         )
     except ValueError as error:
         raise ModelError(f"{source}: the variable '{item.name}' has a bad number: {error}") from None

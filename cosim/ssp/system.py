@@ -52,6 +52,7 @@ class Variable:
         low, high: declared bounds, in `unit`.
         type: by which functions of FMI it is set and got: of 2.0 Real, Integer, Boolean or String, of 3.0 Float64, Float32,
             Int8 to UInt64, Boolean or String; the `kind` of these is Real, Integer, Enumeration, Boolean or String.
+        description: what the FMU says of it.
     """
 
     name: str
@@ -68,6 +69,7 @@ class Variable:
     low: float
     high: float
     type: str = "Real"
+    description: str = ""
 
     @property
     def can_be_set(self) -> bool:

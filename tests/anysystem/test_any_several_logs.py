@@ -1,6 +1,7 @@
 """Several logs of one system: other rates, columns that one of them lacks, a fault that came between two of them."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +10,11 @@ import systems
 
 from benchmarks.systems import parts
 from benchmarks.systems.truth import Hidden
+from cosim.anysystem.actions import Action
 from cosim.anysystem.cuts import cut_by_logs
 from cosim.anysystem.read import Recording, read
 from cosim.anysystem.readings import stale_of
+from cosim.anysystem.search import SCATTERS, Search
 from cosim.errors import DataError
 from cosim.ssp.read import read_system
 from cosim.system.graph import CutGroup
@@ -279,3 +282,27 @@ def test_logs_in_different_units_of_a_connector_without_unit_are_brought_to_the_
         other.write_text("\n".join([head.replace("command [1]", "command [mm]"), *rows]) + "\n")
         with pytest.raises(DataError, match=r"'command \[mm\]' is in 'mm', but in the first log in '1'"):
             read([first, other], system, None)
+
+
+def test_a_cause_that_nothing_but_the_others_told_from_none_goes_with_them(
+    native: Path, command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Beside five others, which held-out data refused, an end of the travel was sure; alone it was -20 to 20 deg."""
+    hidden = [*DEAD_ZONE, Hidden("port.offset", "plant.y", "sensor", {"offset": 0.3})]
+    logs = [systems.log(tmp_path / f"{k}.csv", hidden, k) for k in (1, 2)]
+
+    def named(out: str) -> dict[str, str]:
+        found = told(command, tmp_path / out, *logs, "--model", native)
+        refused = {r["effect"].split()[0]: r["why"] for r in found["refused"]}
+        return {c["effect"]: "" for c in found["causes"]} | refused
+
+    assert named("both") == {"port.dead_zone": "", "port.offset": ""}
+    effects: list[set[str]] = []
+
+    def none_told(self: Search, action: Action, between: Mapping[str, object]) -> bool:
+        effects.append({n.split("|")[0] for n in between})
+        return action.effect == "port.dead_zone" or effects[-1] == {action.effect}
+
+    monkeypatch.setattr(Search, "_none_between", none_told)
+    assert named("none") == {"port.dead_zone": SCATTERS, "port.offset": SCATTERS}
+    assert {"port.offset"} in effects, "asked again once it is alone"

@@ -100,3 +100,29 @@ def test_a_constant_that_is_no_open_input_is_told(command, tmp_path: Path) -> No
     assert code == 3
     for text in ("'sum.u': it is measured", "'sum.y': it is no input", "no connector 'sum.w'"):
         assert text in said
+
+
+def test_a_comparison_and_a_run_take_what_a_diagnosis_takes(command, tmp_path: Path) -> None:
+    """They said that nothing could be simulated without the input, and knew nothing of `constant`."""
+    fmu, log = written(tmp_path, 0.8)
+    mapping = tmp_path / "m.toml"
+    errors = []
+    for more in ("", 'constant = { "part_sum.v2" = 0.8 }'):
+        mapping.write_text(MAPPING.replace('"sum.', '"part_sum.') + more)
+        code, out, err = command("compare", log, "--model", fmu, "--mapping", mapping, "--json")
+        assert code == 0, err
+        found = json.loads(out)
+        assert not found["not_judged"]
+        assert any("assumed: inputs that were not measured" in n for n in found["notes"])
+        errors.append(found["signals"]["part_sum.y"]["rmse"])
+    assert errors[0] > 0.5
+    assert errors[1] < 0.005  # the noise of the reading
+    to = tmp_path / "run.csv"
+    given = ("--input", log, "--mapping", mapping, "--step-size", f"{systems.H} s")
+    code, _, err = command("simulate", fmu, *given, "--out", to)
+    assert code == 0, err
+    header, *rows = to.read_text().splitlines()
+    place = next(k for k, name in enumerate(header.split(",")) if name.startswith("part_sum.y"))
+    ran = np.array([float(row.split(",")[place]) for row in rows])
+    measured = np.loadtxt(log, delimiter=",", skiprows=1)[: ran.size, 2]
+    assert np.sqrt(np.mean((ran - measured) ** 2)) < 0.005

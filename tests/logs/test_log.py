@@ -10,6 +10,7 @@ from log_files import csv_text, full_log_columns, rows
 
 from cosim.errors import DataError, UsageError
 from cosim.logs import Gap, load_log, load_tracker, write_log
+from cosim.logs.log import whole_interval
 
 
 @pytest.fixture
@@ -143,3 +144,19 @@ def test_tracker_marks_what_it_filled(write):
 def test_a_log_is_no_tracker_record(write):
     with pytest.raises(DataError, match=r"no column is a known signal \(slew_external\)"):
         load_tracker(write(csv_text(full_log_columns())))
+
+
+@pytest.mark.parametrize(
+    ("interval", "count", "whole"),
+    [
+        (0.0100001, 751, 0.01),  # a clock that rounds
+        (0.0530221, 2000, 0.0530221),  # another rate, not a rounded one
+        (0.0100001, 100_000, 0.0100001),  # so many samples are ten intervals apart
+        (0.00125, 10**6, 0.00125),
+        (1.0 / 3000.0, 3000, 1.0 / 3000.0),
+    ],
+)
+def test_an_interval_is_the_round_one_that_all_samples_keep(
+    interval: float, count: int, whole: float
+) -> None:
+    assert whole_interval(interval, count) == whole

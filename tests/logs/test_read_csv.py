@@ -10,6 +10,7 @@ from log_files import HEADER, rows
 
 from cosim.errors import DataError, UsageError
 from cosim.logs import load_log
+from cosim.logs.overview import overview
 
 
 def test_a_clean_log_is_read_in_si(load):
@@ -212,3 +213,12 @@ def test_what_arrow_still_reads_ahead_does_not_abort_the_process_that_ends(write
     )
     assert done.returncode == 1, done.stderr
     assert "row 2, column 'slew [deg]': 'x' is not a number" in done.stderr
+
+
+@pytest.mark.parametrize(("on", "off"), [("TRUE", "FALSE"), ("True", "False"), ("wahr", "falsch")])
+def test_a_switch_that_is_written_as_a_truth_value_is_one_and_zero(tmp_path, on, off):
+    path = tmp_path / "log.csv"
+    rows = "".join(f"{0.1 * k:.1f},{k},{on if k > 2 else off}\n" for k in range(6))
+    path.write_text(f"time [s],slew [deg],enable\n{rows}", encoding="utf-8")
+    column = next(c for c in overview(path).columns if c.label.text == "enable")
+    assert list(column.values) == [0.0, 0.0, 0.0, 1.0, 1.0, 1.0]

@@ -67,6 +67,7 @@ def friction(**changes):
         (2e-5, 1e-6, "2e-05"),
         (float("nan"), 1.0, "unknown"),
         (3.0, float("nan"), "3"),
+        (-0.28, 10.0, "0"),
     ],
 )
 def test_numbers_have_the_digits_they_deserve(value, spread, text):
@@ -203,6 +204,9 @@ def test_a_made_up_effect_is_named_with_its_parameters():
 def test_prose_calls_effects_by_name():
     assert effect_in_block("dcv.rate_limit") == "a limit of the spool's speed"
     assert effect_in_block("mechanical.snow_load") == "snow load (mechanics)"
+    # names of a model of any system stay as they are
+    assert effect_in_block("parameter boom.spool.p_c[1]") == "parameter boom.spool.p_c[1]"
+    assert effect_in_block("port.dead_zone at boom.p_up (input)") == "dead zone at boom.p_up (input)"
     assert (
         prose("tells dcv.delay from sensor.lag") == "tells a delay of the valve from a lag of the slew sensor"
     )

@@ -1,0 +1,53 @@
+"""A model that is far off comes nearer by whatever silences it: that is no cause."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.systems import parts
+
+N, H = 1500, 0.01
+
+
+def written(folder: Path, share: float, slow: float, noise: float) -> tuple[Path, Path]:
+    """An FMU of a lag, and a log of `share` of its output, of a slow movement that nothing in the model makes, of noise."""
+    rng = np.random.default_rng(5)
+    u = np.repeat(rng.uniform(-1.0, 1.0, N // 100), 100)
+    x = np.zeros(N)
+    for k in range(1, N):
+        x[k] = x[k - 1] + (1.0 - np.exp(-H)) * (u[k - 1] - x[k - 1])
+    y = share * x + slow * np.sin(2.0 * np.pi * 0.23 * H * np.arange(N)) + noise * rng.standard_normal(N)
+    rows = [f"{H * k:.2f},{a!r},{b!r}" for k, (a, b) in enumerate(zip(u.tolist(), y.tolist(), strict=True))]
+    log = folder / "log.csv"
+    log.write_text("\n".join(["time [s],part_lag.u [1],part_lag.y [1]", *rows]) + "\n", encoding="utf-8")
+    return parts.native("lag", folder), log
+
+
+def diagnosed(command, folder: Path, fmu: Path, log: Path) -> dict:
+    code, out, err = command("diagnose", log, "--model", fmu, "--out", folder / "o", "--json")
+    assert code == 0, err
+    return json.loads(out)
+
+
+@pytest.mark.skipif(parts.COMPILER is None, reason="no C compiler")
+def test_what_silences_a_model_that_has_nothing_to_do_with_the_log_is_no_cause(
+    command, tmp_path: Path
+) -> None:
+    """A dead zone as wide as the command was named, beside a gain of zero."""
+    found = diagnosed(command, tmp_path, *written(tmp_path, 0.0, 0.02, 0.0005))
+    assert (found["verdict"], found["causes"]) == ("unexplained", [])
+    said = " ".join(r["why"] for r in found["refused"])
+    assert "no more of the log than a constant" in said or "may be zero" in said
+    assert any("check units, signs" in w for w in found["warnings"])
+
+
+@pytest.mark.skipif(parts.COMPILER is None, reason="no C compiler")
+def test_a_wire_that_is_broken_is_a_gain_of_zero(command, tmp_path: Path) -> None:
+    """Nothing stays wrong: what is read is noise alone."""
+    found = diagnosed(command, tmp_path, *written(tmp_path, 0.0, 0.0, 0.0005))
+    assert found["verdict"] == "explained"
+    names = {c["effect"] for c in found["causes"]}
+    alike = {a.split()[0] for c in found["causes"] for a in c["indistinguishable_from"]}
+    assert "port.gain" in names | alike
