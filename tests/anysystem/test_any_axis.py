@@ -1,5 +1,7 @@
 """A cylinder's axis as engineers model it: what another log bears out, what its numbers cannot be told from, dense logs."""
 
+import json
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -8,11 +10,12 @@ import numpy as np
 import pytest
 
 from benchmarks.systems import parts
-from cosim.anysystem.answer import calibrated
+from cosim.anysystem.answer import calibrated, gains, nominal
 from cosim.anysystem.model import Segment
 from cosim.anysystem.options import AnyOptions
 from cosim.anysystem.pipeline import AnyDiagnosis, diagnose_system
 from cosim.anysystem.read import Column, Recording
+from cosim.anysystem.search import extended
 from cosim.anysystem.thin import thinned
 from cosim.ssp.read import read_system
 from cosim.system.effects import EFFECTS
@@ -213,3 +216,52 @@ def test_calibrating_says_what_it_gains(axis: Path) -> None:
     assert found.verdict == "adequate"
     assert gain.rmse_fitted < 0.05 * gain.rmse_stated
     assert gain.ci95_of_ratio[1] < 0.1
+
+
+def test_errors_told_are_those_of_the_extended_model(axis: Path) -> None:
+    """A dead zone that is off by no more than its tolerance is no cause, but a drive that integrates drifts by it."""
+    logs = [log(s, {"k_up": 1.4, "dz_up": 0.103}) for s in (21, 22)]
+    options = AnyOptions(trusted=dict.fromkeys((f"axis.{n}" for n in STATED), 0.01))
+    with read_system(axis) as system, Runs(system, apart=False) as runs:
+        found = diagnose_system(system, logs, runs, options, held=1)
+        (finding,) = found.findings.values()
+        assert [str(a.port) for a in finding.named] == ["axis.k_up"]
+        value, _ = finding.settled["axis.dz_up"]
+        assert 0.101 < value <= 0.103
+        (gain,) = gains(found).values()
+        plain = finding.chosen.fit.values
+        held = finding.model.segments[1]
+        raw = [
+            float(np.sqrt(np.mean((held.signals["axis.y"] - finding.model(v)["axis.y#1"]) ** 2)))
+            for v in (plain, extended(finding, finding.fitted))
+        ]
+        told = nominal(found)["axis.dz_up"]
+    assert (told.value, told.instead_of) == (value, 0.1)
+    # the moment at which the log was read is taken out of what is told, and of nothing else
+    assert gain.rmse_after == pytest.approx(raw[1], rel=0.05)
+    assert gain.rmse_after < 0.7 * raw[0]
+
+
+def test_fitted_numbers_are_in_the_extended_model(axis: Path, command, tmp_path: Path) -> None:
+    for seed in (11, 12):
+        one = log(seed, {"k_up": 1.4})
+        rows = np.column_stack([one.time, one.signals["axis.u"], one.signals["axis.y"]])
+        np.savetxt(
+            tmp_path / f"{seed}.csv", rows, delimiter=",", header="time [s],u,axis.y", comments="", fmt="%.6f"
+        )
+    (tmp_path / "map.toml").write_text(
+        "[time]\ncolumn = 'time [s]'\nunit = 's'\n[signals.u]\ncolumn = 'u'\nunit = '1'\nheld = true\n"
+        "[signals.'axis.y']\ncolumn = 'axis.y'\nunit = '1'\n[diagnose]\ntrusted = { 'axis.k_up' = '1 %' }\n"
+    )
+    words = (tmp_path / "11.csv", "--held-out", tmp_path / "12.csv", "--mapping", tmp_path / "map.toml")
+    code, said, err = command(
+        "diagnose", *words, "--model", axis, "--calibrate", "--out", tmp_path / "out", "--json"
+    )
+    assert code == 0, err
+    found = json.loads(said)
+    assert (found["verdict"], found["causes"]) == ("adequate", [])
+    (number,) = re.findall(
+        r'name="axis\.k_up".*?value="([^"]+)"', (tmp_path / "out" / "extended.ssv").read_text(), re.S
+    )
+    assert float(number) == found["nominal"]["axis.k_up"]["value"] == pytest.approx(1.4, rel=0.01)
+    assert found["extended"]["ssp"].endswith("extended.ssp")
