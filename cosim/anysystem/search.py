@@ -76,7 +76,7 @@ LOOKED = 0.5  # of the time that is left: candidates are looked at before the be
 DRIFTS = 1.25  # times the error of a run (RMS): least squares leave hardly less than the likelihood where noise is noise
 ALONG = 0.9  # of the square of a slope that lies along another's: what may do the same is fitted in its place
 KEPT = 3  # of them from which a second cause is looked for
-SETTLED = 6  # evaluations in which what is no cause is settled beside the causes
+SETTLING = 6  # evaluations in which what is no cause is settled beside the causes
 NOTHING = 0.01  # log-likelihood: a number that changes no more is not told
 RUNAWAY = 1e9  # spreads of a signal: a model that a small change moves so far is unstable there
 MOST = 3  # causes in a group
@@ -1502,7 +1502,7 @@ class Search:
                 best.fit.values | start,
                 best.fit.values | {u.name: u.centre for u in unknowns if u.prior < np.inf},
             )
-            fits = [self.problem.fit(unknowns, begin, SETTLED) for begin in begins]
+            fits = [self.problem.fit(unknowns, begin, SETTLING) for begin in begins]
             plain = self._at(best.fit.values)
         fit = max((f for f in fits if f is not None), key=lambda f: f.log_likelihood, default=None)
         if fit is None or fit.log_likelihood < plain + 1.0:
