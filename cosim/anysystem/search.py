@@ -77,6 +77,7 @@ DRIFTS = 1.25  # times the error of a run (RMS): least squares leave hardly less
 ALONG = 0.9  # of the square of a slope that lies along another's: what may do the same is fitted in its place
 KEPT = 3  # of them from which a second cause is looked for
 SETTLING = 6  # evaluations in which what is no cause is settled beside the causes
+AGREES = 1e-3  # of a log-likelihood: two fits that differ by less ended in one place
 NOTHING = 0.01  # log-likelihood: a number that changes no more is not told
 RUNAWAY = 1e9  # spreads of a signal: a model that a small change moves so far is unstable there
 MOST = 3  # causes in a group
@@ -1045,15 +1046,19 @@ class Search:
         are middling. A fit that lets some parts of a log be wrong finds the numbers that make the others right.
         """
         found: list[Fit] = []
-        for at in starts:
+        for at in starts:  # the first of fits that are as good stays the first
             if found and self.budget.over:
                 break
             near = self.problem.fit(unknowns, at, 25, robust=True)
             begins = [at] if near is None else [at, near.values]
             found += [fit for v in begins if (fit := self.problem.fit(unknowns, v, 25)) is not None]
+            found.sort(key=lambda f: -f.log_likelihood)
+            top = found[0].log_likelihood if found else 0.0
+            if len(found) > 1 and top - found[1].log_likelihood < 1.0 + AGREES * abs(top):
+                break  # two ways lead there
         if not found:
             return None
-        best = max(found, key=lambda f: f.log_likelihood)
+        best = found[0]
         stated = dict[str, float]()
         for unknown in unknowns:  # one of which the data say nothing stays where it was
             moved = best.values | stated | {unknown.name: starts[0][unknown.name]}
