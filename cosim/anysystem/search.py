@@ -901,6 +901,11 @@ class Search:
             )
         return found
 
+    def _holds_none(self, action: Action, fit: Fit) -> bool:
+        """Whether the 95 % interval of a parameter holds what the model has."""
+        ((name, nothing),) = self._off(action).items()
+        return abs(fit.values[name] - nothing) <= 1.96 * fit.deviation(name)
+
     def _none_between(self, action: Action, between: Mapping[str, Between]) -> bool:
         """Whether several logs, taken as repetitions, do not tell any size of a cause from none."""
         ends = {n: (between[n].ci95, off) for n, off in self._off(action).items() if n in between}
@@ -1376,6 +1381,7 @@ class Search:
         problem = self.problem
         null = self._scored(self.null)
         kept: list[Action] = []
+        unsure: list[Action] = []
         # parameters that are no causes, being as they are trusted to be, but not nominal
         trusted: list[Action] = []
         if best.actions and not self.budget.over:
@@ -1419,8 +1425,13 @@ class Search:
                 finding.refused.append((action, "is too small to matter"))
             elif self._none_between(action, between):
                 finding.refused.append((action, SCATTERS))
+                unsure.append(action)
+            elif action.effect == PARAMETER and self._holds_none(action, agreed):
+                finding.refused.append((action, "its interval holds what the model has"))
+                unsure.append(action)
             else:
                 kept.append(action)
+        sizes = best.fit.values
         while tuple(kept) != best.actions:
             lost = [a for a in best.actions if a not in kept and a not in trusted]
             fit = self._fit(tuple(kept), self._values_without(best, lost))
@@ -1429,9 +1440,10 @@ class Search:
             between = self._between(best)
             gone = [a for a in kept if self._none_between(a, between)]
             finding.refused += [(a, SCATTERS) for a in gone]
+            unsure += gone
             kept = [a for a in kept if a not in gone]
         finding.fitted = best
-        finding.settled = self._settled(best)
+        finding.settled = self._settled(best, [a for a in unsure if a.effect == PARAMETER], sizes)
         if self.budget.over and best.actions:
             self._left_out("the last estimate, by the whole log")
         elif best.actions and len(self.model.segments) == len(
@@ -1486,14 +1498,23 @@ class Search:
         self._rivals(finding, best, singles, null)
         finding.never = self._never(best)
 
-    def _settled(self, best: Candidate) -> dict[str, tuple[float, float]]:
-        """Parameters that are no causes where the model's own run is best, trusted ones within their tolerance."""
+    def _settled(
+        self, best: Candidate, unsure: Sequence[Action], sizes: Mapping[str, float]
+    ) -> dict[str, tuple[float, float]]:
+        """Parameters that are no causes where the model's own run is best, trusted ones within their tolerance.
+
+        Of those that held-out data ask for, but whose size is not sure, trust says nothing; `sizes` are where they begin.
+        """
         others = [n for n in self.trusted if f"{PARAMETER}|{n}" not in best.fit.values]
         if not best.actions or not (others or self.wide) or self.budget.over:
             return {}
         unknowns = list(self.wide)
         at = self.problem.nuisances(best.fit.values)
         start = {u.name: u.within(best.fit.values[u.name] + at.get(f"free:{u.name}", 0.0)) for u in unknowns}
+        for action in unsure:
+            others.remove(str(action.port))
+            unknowns += self.numbers(action)
+            start |= {u.name: sizes[u.name] for u in self.numbers(action)}
         for name in others:
             variable = self.model.system.variable(Port(*name.split(".", 1)))
             value, relative = self.trusted[name]
@@ -1503,10 +1524,8 @@ class Search:
             unknowns.append(unknown)
             start[key] = unknown.within(value + size * at.get(key, 0.0))
         with self.problem.sharing(moments(self.problem)):
-            begins = (
-                best.fit.values | start,
-                best.fit.values | {u.name: u.centre for u in unknowns if u.prior < np.inf},
-            )
+            centres = {u.name: u.centre for u in unknowns if u.prior < np.inf}
+            begins = (best.fit.values | start, best.fit.values | start | centres)
             fits = [self.problem.fit(unknowns, begin, SETTLING) for begin in begins]
             plain = self._at(best.fit.values)
         fit = max((f for f in fits if f is not None), key=lambda f: f.log_likelihood, default=None)

@@ -166,7 +166,7 @@ def sizes(cause: NamedCause, result: Answer) -> str:
 
 def fitted(result: Answer) -> Iterator[str]:
     """What the log asks for of an FMU's parameters that were fitted or are trusted, and of which it tells nothing."""
-    what = "Fitted" if result.calibrated else "Within what is trusted"
+    what = "Fitted" if result.calibrated else "Also in the extended model"
     own = {n: p for n, p in result.nominal.items() if p.instead_of is not None}
     still = [n for n, p in own.items() if p.instead_of is None or p.ci95[0] <= p.instead_of <= p.ci95[1]]
     sizes = {n: Quantity(p, p.instead_of) for n, p in own.items() if n not in still}
