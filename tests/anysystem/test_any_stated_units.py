@@ -102,7 +102,7 @@ def test_the_page_writes_the_same(plain: Path, tmp_path: Path) -> None:
     rows = {row.signal: {"column": row.column} for row in form.rows}
     made = mapping_of({"time": {"column": 0, "unit": "s"}, "rows": rows}, form, found, {})
     assert made["compare"] == {"units": {"command": "bar", "plant.y": "deg"}}
-    assert made["signals"]["command"].get("held") == (True if found.columns[1].held else None)
+    assert made["signals"]["command"]["held"] is found.columns[1].held
     assert {row.check[:24] for row in form.rows if row.column is not None} == {"the FMU states no unit: "}
 
 
