@@ -251,11 +251,11 @@ class Problem:
 
     # Hypotheses
 
-    def residuals(self, values: Mapping[str, float], without: Collection[str] = ()) -> dict[str, Array]:
-        """Measured minus model, nuisances eliminated but those to do `without`, each signal in its unit."""
+    def residuals(self, values: Mapping[str, float]) -> dict[str, Array]:
+        """Measured minus model, nuisances eliminated, each signal in its unit."""
         series = self.model(values)
         raw = {n: self.measured[n] - series[n] for n in self.names}
-        _, nuisances = self.eliminated(self.whitened(raw)[0], {*values, *without})
+        _, nuisances = self.eliminated(self.whitened(raw)[0], values)
         return {n: raw[n] - nuisances @ self._slopes[n] for n in self.names}
 
     def nuisances(self, values: Mapping[str, float]) -> dict[str, float]:
