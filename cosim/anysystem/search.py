@@ -1461,7 +1461,11 @@ class Search:
             elif self._as_a_constant(best.fit, wrong):
                 why = "explains no more of the log than a constant reading would"
             elif ratio > BETTER and not self._borne_out(best, finding.fitted.fit, wrong, left):
-                why = f"leaves {100 * ratio:.0f} % of what is systematic"
+                why = (
+                    f"leaves {100 * ratio:.0f} % of what is systematic"
+                    if ratio < 1.0
+                    else "leaves no less of what is systematic"
+                )
             if why:
                 finding.refused += [(action, why) for action in best.actions]
                 best = null
