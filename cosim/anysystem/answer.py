@@ -35,7 +35,7 @@ from cosim.diagnosis.answer.schema import (
     Unexplained,
 )
 from cosim.diagnosis.held_out.between import Between
-from cosim.inference.held_out import ratio_ci95
+from cosim.inference.held_out import ratio_ci95, squares_by_block
 from cosim.inference.problem import Fit
 from cosim.inference.unknowns import Unknown
 from cosim.packages import project_version
@@ -354,8 +354,8 @@ def localisation(found: AnyDiagnosis) -> list[Location]:
 
 def by_window(logs: Sequence[Segment], out: NDArray[np.bool_], *errors: Array) -> list[Array]:
     """Of each error (n,) the sums of squares in each window of what is held out."""
-    windows = np.unique(np.concatenate([s.windows for s in logs])[out], return_inverse=True)[1]
-    return [np.asarray(np.bincount(windows, weights=e[out] ** 2), dtype=float) for e in errors]
+    windows = np.concatenate([s.windows for s in logs])[out]
+    return [squares_by_block(e[out], windows) for e in errors]
 
 
 def gains(found: AnyDiagnosis) -> dict[str, SignalGain]:

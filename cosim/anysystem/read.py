@@ -403,9 +403,8 @@ def _conversion(
     """
     unit = _unit(system, port)
     if stated is not None:
-        known = (
-            definition(unit or "1", {}) is not None
-        )  # of a unit that only its FMU knows the number is taken
+        # of a unit that only its FMU knows the number is taken
+        known = definition(unit or "1", {}) is not None
         ratio = f"({unit or '1'})/({si})" if known else "1"
         try:
             return parse_quantity(stated if known else stated.split()[0], ratio), 0.0

@@ -29,7 +29,7 @@ from cosim.diagnosis.budget import Budget
 from cosim.diagnosis.held_out.between import Between, between_logs, combined, drawn_by_logs
 from cosim.errors import SimulationError
 from cosim.inference.freeform import Explained, explained
-from cosim.inference.held_out import HeldOutGain, ratio_ci95
+from cosim.inference.held_out import HeldOutGain, ratio_ci95, squares_by_block
 from cosim.inference.noise import quietest
 from cosim.inference.problem import DIFFERENCE, EVALUATIONS, FINE, Fit, Problem
 from cosim.inference.unknowns import Unknown
@@ -545,11 +545,11 @@ class Search:
         for action in candidate.actions:
             for log in self.by_log:
                 own = candidate.fit.values
-                scores = []
-                for values in (self._off(action), {u.name: own[u.name] for u in self.numbers(action)}):
-                    rows = self.problem.rows(own | {each(n, log): v for n, v in values.items()})
-                    scores.append(-np.inf if rows is None else self.problem.log_likelihood(rows, own, ()))
-                if scores[0] > scores[1] + CLOSE:
+                none, mean = (
+                    self._at(own | {each(n, log): v for n, v in values.items()})
+                    for values in (self._off(action), {u.name: own[u.name] for u in self.numbers(action)})
+                )
+                if none > mean + CLOSE:
                     return True
         return False
 
@@ -1031,11 +1031,12 @@ class Search:
         if leading is not None and leading.actions[0] in actions:
             starts.append(begin | leading.fit.values)
         # slopes of the nuisances around numbers that are far off, as where a model runs away, say nothing of the right ones
-        self.problem.share((), {n: np.zeros((0, m.size)) for n, m in self.problem.measured.items()})
-        fit = self._best_of(self._free(actions), starts)
-        if fit is not None:
-            self._share(fit.values)
-            fit = self._fit(actions, fit.values, 10)
+        with self.problem.sharing(()):
+            fit = self._best_of(self._free(actions), starts)
+        if fit is None:
+            return singles
+        self._share(fit.values)
+        fit = self._fit(actions, fit.values, 10)
         if fit is not None:
             several = self._needed(self._scored(Candidate(actions, fit, self._price(actions))))
         if fit is None or len(several.actions) < 2 or several.score < best.score + NAMED:
@@ -1605,11 +1606,8 @@ class Search:
         null, residual = (self.problem.residuals(f.values) for f in (self.null.fit, fit))
         windows = {n: own.astype(np.float64) for n, own in self.problem.window.items()}
         for signal in wrong:
-            number = np.unique(self._part(windows, signal, True), return_inverse=True)[1]
-            before, after = (
-                np.bincount(number, weights=self._part(r, signal, True) ** 2).astype(np.float64)
-                for r in (null, residual)
-            )
+            number = self._part(windows, signal, True)
+            before, after = (squares_by_block(self._part(r, signal, True), number) for r in (null, residual))
             if not before.size or ratio_ci95(after, before)[1] >= 1.0:
                 return False
         return True

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from difflib import SequenceMatcher
 from pathlib import Path
 
-from cosim.anysystem.read import heading, value_of
+from cosim.anysystem.read import ends, heading, value_of
 from cosim.errors import DataError
 from cosim.logs.clocks import TIME_WORDS
 from cosim.logs.clocks import plain as in_words
@@ -292,9 +292,8 @@ def mapping_text(
         *time_lines(found, clock),
     ]
     told, open_ = [], []
-    counts: dict[
-        str, tuple[str, bool]
-    ] = {}  # connector -> unit of an FMU that states none, and if a description has it
+    # connector -> unit of an FMU that states none, and if a description has it
+    counts: dict[str, tuple[str, bool]] = {}
     times = _stamps(found) | found.times
     driving = entering(system)
     for k, column in enumerate(found.columns):
@@ -396,8 +395,8 @@ def _unit(system: System, connector: str) -> str:
 def unit_of_connector(system: System, connector: str) -> str:
     """The unit that the descriptions of a connector's variables end with; empty where there is none."""
     port = port_of(system, connector)
-    ports = [port] if port.component else [wire.target for wire in system.inputs[port.variable].targets]
-    return next((unit for unit in (unit_in_words(system.variable(p)) for p in ports) if unit), "")
+    units = (unit_in_words(system.variable(p)) for p, _, _ in ends(system, port))
+    return next((unit for unit in units if unit), "")
 
 
 def _relative(model: Path, folder: Path) -> str:

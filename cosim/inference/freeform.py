@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from cosim.inference.held_out import ratio_ci95
+from cosim.inference.held_out import ratio_ci95, squares_by_block
 
 Array = NDArray[np.float64]
 MOST_SAMPLES = 12_000  # samples are looked at; of more every second, third and so on
@@ -98,7 +98,7 @@ def explained(
     weights = np.linalg.solve(gram, part @ r[inside])
     series = weights @ table
     out = ~inside
-    one, other = (_by_window((r - s)[out], numbers[out]) for s in (series, np.zeros_like(series)))
+    one, other = (squares_by_block((r - s)[out], numbers[out]) for s in (series, np.zeros_like(series)))
     by: dict[str, float] = {}
     for name in dict.fromkeys(names):
         mine = np.array([n == name for n in names])
@@ -106,9 +106,3 @@ def explained(
     total = max(sum(by.values()), 1e-300)
     before, after = (float(np.sqrt(np.mean(e[out] ** 2))) for e in (r, r - series))
     return Explained(before, after, ratio_ci95(one, other), {n: v / total for n, v in by.items()}, series)
-
-
-def _by_window(errors: Array, windows: NDArray[np.int64]) -> Array:
-    """(w,) summed squares of each window."""
-    sums = np.bincount(np.unique(windows, return_inverse=True)[1], weights=errors**2)
-    return np.asarray(sums, dtype=np.float64)

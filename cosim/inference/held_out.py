@@ -118,6 +118,11 @@ def left_out(rows: Array, slopes: Array, block: NDArray[np.int64]) -> Array:
     return np.asarray(rows[:n] + np.einsum("ij,ij->i", slopes[:n], steps[block]))
 
 
+def squares_by_block(errors: Array, block: NDArray[np.generic]) -> Array:
+    """(blocks,) sums of the squares of errors (n,), by the number (n,) of the block to which each belongs."""
+    return np.bincount(np.unique(block, return_inverse=True)[1], weights=errors**2).astype(np.float64)
+
+
 def gain_between(richer: Array, poorer: Array, block: NDArray[np.int64]) -> HeldOutGain:
     """What one hypothesis gains over another on left-out blocks.
 

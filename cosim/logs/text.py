@@ -43,12 +43,8 @@ _MISSING = [
 ]
 # LabVIEW's graphs are exported so: 731.5m, 3k
 _PREFIXES = {"p": 1e-12, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "m": 1e-3, "k": 1e3, "M": 1e6, "G": 1e9}
-_TRUTH = {
-    "true": 1.0,
-    "false": 0.0,
-    "wahr": 1.0,
-    "falsch": 0.0,
-}  # of a switch, as programs and Excel write it
+# of a switch, as programs and Excel write it
+_TRUTH = {"true": 1.0, "false": 0.0, "wahr": 1.0, "falsch": 0.0}
 _PREFIXED = re.compile(r"([-+\d.,eE]*\d[\d.,]*)\s?([pnuµmkMG])")
 _BREAK = re.compile(r"\r\n|\r|\n")
 _BLOCK = 1 << 22

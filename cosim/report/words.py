@@ -129,9 +129,8 @@ class Quantity:
 
 def effect_name(effect: str) -> str:
     """An effect as people call it: ``mechanical.coulomb_friction`` is "Coulomb friction"."""
-    name, place, where = effect.partition(".")[2].partition(
-        " at "
-    )  # of any system: names of the model stay as they are
+    # of any system: names of the model stay as they are
+    name, place, where = effect.partition(".")[2].partition(" at ")
     name = name.replace("_", " ") + place + where
     for proper in ("coulomb", "stribeck"):
         name = name.replace(proper, proper.capitalize())
