@@ -31,7 +31,8 @@ DAMPING = (0.003, 8.0)  # of second-order sections
 FREQUENCIES = 7  # of a new section that are looked at
 DAMPINGS = (0.05, 0.7)
 BEGINNING = 0.05  # of a new record, from which its initial state is taken
-SEARCH_EVALUATIONS = 60  # of one search at most
+STARTS = 3  # of each kind from which a search begins
+SEARCH_EVALUATIONS = 1000  # of one search at most
 CANCELLED = (
     1e-6  # part of a sum of squares below which products do not tell what is left: rounding is 1e-15 of it
 )
@@ -481,21 +482,21 @@ def wider(data: Data, found: list[LinearModel], target: Array) -> Iterator[Secti
     base = found[-1].sections
     delays = (0.0, data.h, 3.0 * data.h, 8.0 * data.h) if base.order == 0 else (base.delay,)
     one = [Sections((*base.first, a), base.second, d) for a, d in product([low, *rates], delays)]
-    yield promising(data, one, target)
+    yield from promising(data, one, target)
     if len(found) > 1:
         before = found[-2].sections
         two = [before.more(second=(w, z)) for w, z in product(rates, DAMPINGS)]
-        yield promising(data, two, target)
+        yield from promising(data, two, target)
 
 
-def promising(data: Data, listed: list[Sections], target: Array) -> Sections:
-    """The one of several sets of sections that explains most."""
+def promising(data: Data, listed: list[Sections], target: Array) -> list[Sections]:
+    """Those of several sets of sections that explain most: from one alone the search may end beside the best."""
 
     def left(sections: Sections) -> float:
         residuals = data.solved(data.decaying(sections), target)[2]
         return float(residuals @ residuals)
 
-    return min(listed, key=left)
+    return sorted(listed, key=left)[:STARTS]
 
 
 def limits(data: Data) -> tuple[float, float]:
@@ -524,8 +525,8 @@ def refined(data: Data, starts: list[Sections], target: Array) -> Sections:
             bounds=(least, most),
             x_scale=size,
             diff_step=1e-4,
-            ftol=1e-4,
-            xtol=1e-4,
+            ftol=1e-7,
+            xtol=1e-6,
             gtol=1e-10,
             max_nfev=max(4, SEARCH_EVALUATIONS // (begin.size + 1)),
         )

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, least_squares
 
+from cosim.compare.metrics import noise_floor
 from cosim.correlation import correlations
 from cosim.diagnosis.budget import current
 from cosim.diagnosis.fitting.coordinates import Coordinates
@@ -25,6 +26,9 @@ T = TypeVar("T")
 ABSURD = 1e9  # SI; stands for a residual that is no number
 AT_ONCE = 1_000_000  # samples of residuals that are kept to be whitened together: 8 MB
 SLOPE_STEP = 2e-3  # of a scale, over which slopes are differenced
+MOST_ROUNDS = 30  # of a search that does not settle
+ANCHOR = 1e-4  # pull on an unknown to where its search begins, per scale: nothing beside a reading
+ON_BOUND = 1e-8  # scales: an unknown that ends so near a bound has met it
 FAR_OFF = 1e3  # scales: an unknown that begins farther from 0 is counted from where it begins
 
 
@@ -113,6 +117,7 @@ class Task:
         late: standard deviation of the timing of observed signals against the drive, s; its discrepancy is the first row.
         steps: signal -> step of its readings where that is coarser than their noise, SI.
         lost: signal -> (n,) True where its sample is stale: there its residual lies on a straight line, not its reading.
+        floors: signal -> noise of its samples, SI, once known (`floor`).
     """
 
     model: GroupModel
@@ -124,6 +129,13 @@ class Task:
     late: float = 0.0
     steps: Mapping[str, float] = field(default_factory=dict)
     lost: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
+    floors: dict[str, float] = field(default_factory=dict, repr=False)
+
+    def floor(self, signal: str) -> float:
+        """Noise of a measured signal's samples, SI, whatever the model."""
+        if signal not in self.floors:
+            self.floors[signal] = noise_floor(self.measured[signal], self.model.h)
+        return self.floors[signal]
 
     def retime(self, predicted: Mapping[str, Array], time: Array) -> None:
         """Take the discrepancy of the timing from what is predicted now, signal -> (n,) SI, at these times (n,), s."""
@@ -214,7 +226,7 @@ def fit(
     task: Task,
     unknowns: list[Unknown],
     fixed: Mapping[str, float] | None = None,
-    rounds: int = 12,
+    rounds: int = MOST_ROUNDS,
     quick: bool = False,
 ) -> Fit:
     """Maximum a posteriori estimate from the unknowns' starts, with intervals from the curvature.
@@ -307,6 +319,7 @@ class Follower:
         else:
             before, there, found = self._last
             moved = z - before
+            moved = np.where(found.any(axis=0), moved, 0.0)  # what had no effect did not make the change
             if length := float(moved @ moved):
                 found = found + np.outer(here - there - found @ moved, moved / length)
         self._known.clear()
@@ -328,14 +341,16 @@ def searched(
 ) -> OptimizeResult:
     """Least squares from `z` within bounds, at most `rounds` iterations.
 
-    A step ends where it meets a bound, and scipy takes a step cut that short for the end of the search: from there it
-    goes on, that unknown held. For the same reason a search begins on a bound and not beside it. How small a step ends
-    the search goes by the length of all unknowns together: beside an end of travel that is out of reach (1e9 rad) every
-    step would. When the time of the diagnosis is gone it ends where it is.
+    A trust region with reflection (Branch, Coleman and Li, SIAM J. Sci. Comput. 21, 1999): friction and ends of travel
+    bend the cost at every scale, and the steps of Gauss and Newton, which a dogleg takes, go to and fro there; where such a
+    search ends rounding decides. What the data say nothing of stays where it begins (`ANCHOR`): without that each step
+    would be as long as the region. When the time of the diagnosis is gone the search ends where it is.
     """
     budget = current()
     last: list[Array] = []
     origin = np.where(np.abs(z) > FAR_OFF, z, 0.0)
+    low, high = bounds
+    held = ANCHOR * np.eye(z.size)
 
     def in_time(z: Array) -> Array:
         if last and budget.gone:
@@ -343,29 +358,28 @@ def searched(
         last[:] = z.copy(), slopes(z)
         return np.asarray(last[1])
 
-    while True:
-        try:
-            with np.errstate(over="ignore"):  # a trial far out may overflow; the search turns back by itself
-                found = least_squares(
-                    lambda y: cost(y + origin),
-                    z - origin,
-                    lambda y: in_time(y + origin),
-                    bounds=(bounds[0] - origin, bounds[1] - origin),
-                    method="dogbox",
-                    max_nfev=rounds,
-                    xtol=1e-5,
-                    ftol=1e-6,
-                    gtol=1e-12,
-                )
-        except _TimeGoneError:
-            fun = cost(last[0])
-            return OptimizeResult(x=last[0], fun=fun, jac=last[1], cost=0.5 * float(fun @ fun), status=0)
-        found.x = np.clip(found.x + origin, *bounds)
-        rounds -= found.nfev
-        before = (z == bounds[0]) | (z == bounds[1])
-        if found.status <= 0 or rounds < 2 or not np.any((found.active_mask != 0) & ~before):
-            return found
-        z = found.x
+    try:
+        with np.errstate(over="ignore"):  # a trial far out may overflow; the search turns back by itself
+            found = least_squares(
+                lambda y: np.concatenate([cost(y + origin), held @ (y + origin - z)]),
+                z - origin,
+                lambda y: np.concatenate([in_time(y + origin), held]),
+                bounds=(low - origin, high - origin),
+                method="trf",
+                max_nfev=rounds,
+                xtol=1e-5,
+                ftol=1e-6,
+                gtol=1e-12,
+            )
+    except _TimeGoneError:
+        fun = cost(last[0])
+        return OptimizeResult(x=last[0], fun=fun, jac=last[1], cost=0.5 * float(fun @ fun), status=0)
+    x = found.x + origin
+    # the search stays within the bounds by a hair
+    found.x = np.where(x - low < ON_BOUND, low, np.where(high - x < ON_BOUND, high, x))
+    found.fun, found.jac = found.fun[: -z.size], found.jac[: -z.size]
+    found.cost = 0.5 * float(found.fun @ found.fun)
+    return found
 
 
 def summarised(

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cholesky, toeplitz
 from scipy.linalg.lapack import dtrtri
-from scipy.optimize import minimize
 from scipy.signal.windows import hann
 
 from cosim.diagnosis.thresholds import FEWEST_FREQUENCIES, REMAINING, SLOW_NOISE, UNEQUAL_LOGS
 from cosim.inference.pieces import Cuts
+from cosim.inference.whittle import likeliest
 
 Array = NDArray[np.float64]
 
@@ -333,31 +333,9 @@ def learned_at(
         power = power + (least**2 - total) * shapes[0]
         total = least**2
 
-    def cost(logs: Array) -> tuple[float, Array]:
-        parts = np.exp(logs)[:, None] * total * shapes
-        model = known + parts.sum(axis=0)
-        slope = parts @ ((1.0 - power / model) / model)
-        return float(np.sum(np.log(model) + power / model)), slope
-
-    more = np.maximum(power - known, SMALLEST_SHARE * power)
-    start = np.log(np.maximum(multiplied(shapes, more / total), SMALLEST_SHARE))
-    found = minimize(
-        cost, start, jac=True, method="L-BFGS-B", bounds=[(np.log(SMALLEST_SHARE), np.log(1e3))] * len(shapes)
-    )
-    return replace(rule, sizes=tuple((np.exp(found.x) * total).tolist())), rows, freedom
-
-
-def multiplied(shapes: Array, power: Array, rounds: int = 400) -> Array:
-    """(kinds,) sizes of largest Whittle likelihood, nearly: from equal shares by multiplicative updates.
-
-    They can bring back a kind that was small for a while, where a search in logarithms stays stuck at its floor
-    (Fevotte, Bertin and Durrieu, Neural Computation 21(3), 2009: Itakura-Saito divergence).
-    """
-    sizes = np.full(len(shapes), 1.0 / len(shapes))
-    for _ in range(rounds):
-        model = sizes @ shapes
-        sizes = sizes * np.sqrt((shapes @ (power / model**2)) / (shapes @ (1.0 / model)))
-    return sizes
+    least_sizes = np.full(len(shapes), SMALLEST_SHARE * total)
+    sizes = likeliest(shapes, power, least_sizes, known=known)
+    return replace(rule, sizes=tuple(sizes.tolist())), rows, freedom
 
 
 def centred(rule: Whitener, residual: Array) -> Array:

@@ -81,6 +81,7 @@ from cosim.diagnosis.verdict.verdict import (
     adequate,
     cause_of,
     causes,
+    local,
     names_of,
     negligible,
     rests,
@@ -327,7 +328,21 @@ def beside_linear(finding: Finding, record: Record, held: Held | None) -> Findin
         return finding  # a constant gain has no dynamics that such a group could lack
     if linear.ours_error**2 - linear.error**2 <= negligible(finding, signal) ** 2:
         return finding
+    if swings_by_itself(finding, signal, linear):
+        return finding
     return replace(finding.accept(finding.null, record), lacks_linear=True, rivals={})
+
+
+def swings_by_itself(finding: Finding, signal: str, linear: Reference) -> bool:
+    """True if the linear model is better by a mode at which the signal swings whatever is commanded: that is no dynamics.
+
+    Its initial state swings on for as long as such a mode lives. A log tells two frequencies apart by one over its length.
+    """
+    swing = finding.events.get(signal, {}).get("oscillation")
+    if swing is None or not local(finding, signal, swing):
+        return False
+    modes = (w / (2.0 * np.pi) for w, _ in linear.model.sections.second)
+    return any(abs(mode - swing.start) * linear.model.length < 1.0 for mode in modes)
 
 
 def searched(
