@@ -27,7 +27,7 @@ ABSURD = 1e9  # SI; stands for a residual that is no number
 AT_ONCE = 1_000_000  # samples of residuals that are kept to be whitened together: 8 MB
 SLOPE_STEP = 2e-3  # of a scale, over which slopes are differenced
 MOST_ROUNDS = 30  # of a search that does not settle
-ANCHOR = 1e-4  # pull on an unknown to where its search begins, per scale: nothing beside a reading
+LEVENBERG = 1e-2  # damping of a step, per scale of each unknown: nothing beside a reading that tells of it
 ON_BOUND = 1e-8  # scales: an unknown that ends so near a bound has met it
 FAR_OFF = 1e3  # scales: an unknown that begins farther from 0 is counted from where it begins
 
@@ -343,14 +343,15 @@ def searched(
 
     A trust region with reflection (Branch, Coleman and Li, SIAM J. Sci. Comput. 21, 1999): friction and ends of travel
     bend the cost at every scale, and the steps of Gauss and Newton, which a dogleg takes, go to and fro there; where such a
-    search ends rounding decides. What the data say nothing of stays where it begins (`ANCHOR`): without that each step
-    would be as long as the region. When the time of the diagnosis is gone the search ends where it is.
+    search ends rounding decides. Where the data say next to nothing steps are damped (`LEVENBERG`), and the estimate stays
+    where it begins: without that each step would be as long as the region, or what rounding makes of it. The end is the
+    same, since the gradient is. When the time of the diagnosis is gone the search ends where it is.
     """
     budget = current()
     last: list[Array] = []
     origin = np.where(np.abs(z) > FAR_OFF, z, 0.0)
     low, high = bounds
-    held = ANCHOR * np.eye(z.size)
+    damping, none = LEVENBERG * np.eye(z.size), np.zeros(z.size)
 
     def in_time(z: Array) -> Array:
         if last and budget.gone:
@@ -361,9 +362,9 @@ def searched(
     try:
         with np.errstate(over="ignore"):  # a trial far out may overflow; the search turns back by itself
             found = least_squares(
-                lambda y: np.concatenate([cost(y + origin), held @ (y + origin - z)]),
+                lambda y: np.concatenate([cost(y + origin), none]),
                 z - origin,
-                lambda y: np.concatenate([in_time(y + origin), held]),
+                lambda y: np.concatenate([in_time(y + origin), damping]),
                 bounds=(low - origin, high - origin),
                 method="trf",
                 max_nfev=rounds,
