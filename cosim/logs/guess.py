@@ -249,7 +249,7 @@ def guesses(found: Overview, machine: bool = False) -> dict[str, Guess]:
         if axes:
             break
     leading: Column | None = None
-    if machine and len(axes) > 1 and not any(driven & set(_words(c)) for c in axes):
+    if len(axes) > 1 and not any(driven & set(_words(c)) for c in axes):
         axes, leading = paired(axes, [c for c in commands if not c.constant], shown not in AT_ONCE)
     axis = set(_words(axes[0])) if axes else set()
 
@@ -285,7 +285,10 @@ def guesses(found: Overview, machine: bool = False) -> dict[str, Guess]:
         made[signal] = _guess(signal, column, why)
         taken.add(column.index)
     if machine:
-        for signal, column, why in chambers([c for c in free if c.index not in taken], made):
+        other = opposite(made["u"].column, free) if "u" in made else None
+        # which of two commands is the positive one says which chamber is port A, whichever of them this log drives
+        ways = {"u": both_ways(made["u"], other, moved_by(made))} if other else {}
+        for signal, column, why in chambers([c for c in free if c.index not in taken], made | ways):
             made[signal] = _guess(signal, column, why)
             taken.add(column.index)
         if "u" not in made and (driver := driven_by([c for c in free if c.index not in taken], made)):
