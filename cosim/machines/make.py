@@ -17,7 +17,7 @@ from cosim.lexicon import ELECTRIC_DRIVER
 from cosim.logs import Log, Mapping, listed
 from cosim.machines.flow import set_by_flow
 from cosim.machines.scale import Sizes, scales
-from cosim.machines.table import SCALE_FREE, MachineTable, block_of, machine_table
+from cosim.machines.table import SCALE_FREE, MachineTable, block_of, machine_table, without_unit
 from cosim.machines.values import LINEAR, Numbers, inner_signals, numbers
 from cosim.machines.wiring import entry, files, outlet, wires, write_files
 from cosim.paths import build_folder
@@ -114,7 +114,8 @@ def made_for(mapping: Path, log: Log | Sequence[Log] | None = None, folder: Path
     for component in machine.chain:
         if START_PARAMETER in block_of(component).parameters and machine.output not in {START_SIGNAL, *rates}:
             start.setdefault(f"{component}.{START_PARAMETER}", machine.output)
-    table = given.model_copy(update={"signals": signals, "start": start, "aside": aside})
+    told_of = {"aside": aside, "notes": tuple(without_unit(machine))}
+    table = given.model_copy(update={"signals": signals, "start": start, **told_of})
     sizes = Sizes.of(machine, told, inner, gains, logs, sample, rates)
     diagnose = completed(
         plain.diagnose, machine, told, inner, sizes, driven_by_pressure(machine, plain, first)

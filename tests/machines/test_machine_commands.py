@@ -74,6 +74,17 @@ def test_compare_and_simulate_make_it_by_themselves(capsys, files):
     assert json.loads(out)["model"] == "small_drive"
 
 
+def test_each_command_says_that_a_number_has_no_unit(capsys, files):
+    mapping, log = files
+    mapping.write_text(MACHINE + 'speed = "0.6"\nlag = "300 ms"\n')
+    said = "speed = 0.6 as 0.6 rad/s; write the unit"
+    code, out, _ = run(capsys, "compare", log, "--mapping", mapping, "--json")
+    assert code == 0
+    assert any(said in note for note in json.loads(out)["notes"])
+    code, _, err = run(capsys, "simulate", mapping, "--input", log)
+    assert (code, said in " ".join(err.split())) == (0, True)
+
+
 def test_a_travel_is_compared_with_a_package_of_its_machine(capsys, files, tmp_path):
     """Such as the extended model of a diagnosis, whose connectors have the blocks' units."""
     mapping, log = files
