@@ -25,7 +25,7 @@ from cosim.master.inputs import Series
 from cosim.signals import SIGNALS
 from cosim.ssp.hints import did_you_mean
 from cosim.ssp.read import read_system, resolve, settable_names
-from cosim.ssp.stated import assumed_si, with_units
+from cosim.ssp.stated import assumed_si, constants, with_units
 from cosim.ssp.system import Port, System, Value
 
 Array = NDArray[np.float64]
@@ -40,6 +40,7 @@ class Comparator:
         bindings: what each signal of the model stands for, in the log or not.
         measured: those that the log holds.
         notes: what was done to the log, and what is left out.
+        constants: ``component.variable`` -> what the table says of parameters and of inputs that were not measured.
     """
 
     def __init__(
@@ -66,7 +67,7 @@ class Comparator:
         """
         table = table or CompareTable()
         self.log, self.step, self.notes = on_grid(log, step)
-        self.notes += dict.fromkeys(table.aside.values())
+        self.notes += [*dict.fromkeys(table.aside.values()), *table.notes]
         self.time: Array = np.arange(len(self.log), dtype=np.float64) * self.step
         stamps = self.log.time[0] + self.time
         # the same numbers, unless the step was given: held once
@@ -75,7 +76,9 @@ class Comparator:
         self.system = source if isinstance(source, System) else read_system(source, parameter_set)
         self._owned = None if isinstance(source, System) else self.system
         try:
-            if wrong := with_units(self.system, table.units):
+            wrong = with_units(self.system, table.units)
+            self.constants, more = constants(self.system, table.constant)
+            if wrong := wrong + more:
                 raise DataError("; ".join(wrong))
             self.bindings = bind(self.system, self.log.units, table)
             self.measured = tuple(name for name in self.bindings if name in self.log)
@@ -142,7 +145,7 @@ class Comparator:
             UsageError: an unknown name.
             SimulationError: an FMU failed.
         """
-        given = dict(parameters or {})
+        given = {**self.constants, **(parameters or {})}
         notes: list[str] = []
         lacking = {name: self.missing(name) for name in self.outputs}
         possible = [name for name, missing in lacking.items() if not missing]
@@ -300,7 +303,7 @@ class Comparator:
         result = self.runner.run(
             float(self.time[-1]),
             self.step,
-            parameters=self.settings({**self.start_values(), **parameters}),
+            parameters=self.settings({**self.start_values(), **self.constants, **parameters}),
             inputs=inputs,
             hold=hold,
             record=names,

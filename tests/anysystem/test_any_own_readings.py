@@ -113,7 +113,10 @@ def test_an_estimate_that_a_switch_within_a_component_holds_is_left_for_a_better
     search.by_log = ()
     search.model = SimpleNamespace(  # type: ignore[assignment]
         group=SimpleNamespace(judged=(("tank.y", Port("tank", "y")),)),
-        segments=[SimpleNamespace(signals={"tank.y": measured})],
+        segments=[
+            SimpleNamespace(signals={"tank.y": measured}, known=lambda _: np.ones(1500, dtype=np.bool_))
+        ],
+        known=lambda _: np.ones(1500, dtype=np.bool_),
         judging=lambda _: [0],
         places=lambda signal: [f"{signal}#0"],
         whole=lambda series, signal: series[f"{signal}#0"],
