@@ -85,6 +85,22 @@ def test_a_natural_frequency_is_one_on_a_travelling_axis_too(tmp_path: Path) -> 
     ]
 
 
+@pytest.mark.parametrize("speed", ["0.08 rad/s", "?"])
+def test_a_command_in_volts_is_one_where_its_speed_is_stated(tmp_path: Path, speed: str) -> None:
+    """It was called implausible, with a remedy that made the stated speed wrong."""
+    drive = np.repeat(np.random.default_rng(2).uniform(-8.0, 8.0, 40), 50)
+    columns = {"t": STEP * np.arange(drive.size), "duty": drive, "angle": moved(drive, 0.08, 0.15)}
+    text = DRIVE.replace(", zero = 50.0, gain = 0.02", "") + f'speed = "{speed}"\nlag = "0.15 s"\n'
+    mapping, file = written(tmp_path, text, columns)
+    log = load_log(file, mapping)
+    warned = any("plausible are -1.05 to 1.05" in w for w in log.warnings)
+    notes = made_for(mapping, log, tmp_path / "made").table.notes
+    assert warned == (speed == "?")
+    assert any("is then what a command of 1 brings, and not full command" in n for n in notes) == (
+        speed != "?"
+    )
+
+
 def moved(drive, gain, lag):
     """Position of a drive whose speed follows with a first-order lag, its command held."""
     kept = np.exp(-STEP / lag)
