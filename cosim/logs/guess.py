@@ -402,13 +402,18 @@ def opposite(command: Column, free: list[Column]) -> Column | None:
     return None
 
 
-def both_ways(guess: Guess, other: Column, angle: Column | None) -> Guess:
-    """A command of two columns, one a direction: positive in the direction in which the angle grows."""
-    one = guess.column
+def directed(one: Column, other: Column, angle: Column | None) -> tuple[Column, Column]:
+    """Of the two columns of a command the one in whose direction the angle grows, and the other."""
     if angle is not None and not (one.missing or other.missing or angle.missing):
         way, back = (replace(one, values=sign * (one.values - other.values)) for sign in (1.0, -1.0))
         if following(back, angle, rate=True) > following(way, angle, rate=True):
-            one, other = other, one
+            return other, one
+    return one, other
+
+
+def both_ways(guess: Guess, other: Column, angle: Column | None) -> Guess:
+    """A command of two columns, one a direction: positive in the direction in which the angle grows."""
+    one, other = directed(guess.column, other, angle)
     largest = max((one, other), key=lambda c: float(np.max(np.abs(c.finite))))
     scaled = _guess("u", largest, f"its name ({_called(one)}), and {_called(other)} is the other direction")
     return replace(scaled, column=one, minus=other, check=True)
