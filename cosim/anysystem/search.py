@@ -1566,8 +1566,8 @@ class Search:
             surest = {a: max(own, judged.get(a, own), key=lambda j: j[1].ci95[0]) for a, own in anew.items()}
             return again, {a: (self._scored(poorer), gain) for a, (poorer, gain) in surest.items()}
         self.steady = False
-        self._settle(best)
-        return best, judged
+        self._settle(best)  # the rows of all with the nuisances that are now
+        return best, {a: (self._scored(poorer), gain) for a, (poorer, gain) in judged.items()}
 
     def _judged(self, best: Candidate, null: Candidate) -> Judged:
         found = {}
