@@ -16,7 +16,7 @@ from cosim.ssp.fmu import parse_value
 from cosim.ssp.hints import did_you_mean
 from cosim.ssp.parameters import fitted
 from cosim.ssp.read import resolve, settable_names
-from cosim.ssp.system import Value
+from cosim.ssp.system import Port, Value
 from cosim.units import factor, parse_quantity
 
 if TYPE_CHECKING:
@@ -169,7 +169,7 @@ def read_inputs(file: Path, mapping: Path | None, system: System, step: float) -
     ours = all(part.fmu.ours for part in system.components.values())
     starts: dict[str, Value] = {}
     hold = None
-    if not ours and mapping is not None:
+    if not ours and (mapping is not None or _called_like_connectors(file, system)):
         time, columns, starts, hold = _mapped(file, mapping, system)
     elif mapping is not None or (ours and set(wanted) <= set(LOG_SIGNALS)):
         log = load_log(file, mapping)
@@ -205,10 +205,20 @@ def _begun(log: "Log", mapping: Path | None, system: System, drives: list[str]) 
     }
 
 
+def _called_like_connectors(file: Path, system: System) -> bool:
+    """Whether columns are called like the connectors of components, as a diagnosis takes them, and not like the inputs."""
+    from cosim.logs.load import open_source
+
+    names = [label.name for label in open_source(file).labels]
+    return not set(names) & set(system.inputs) and any(
+        n.partition(".")[0] in system.components for n in names
+    )
+
+
 def _mapped(
-    file: Path, mapping: Path, system: System
+    file: Path, mapping: Path | None, system: System
 ) -> tuple[Any, dict[str, Any], dict[str, Value], tuple[str, ...]]:
-    """Of a system of others by the mapping that its diagnosis takes.
+    """Of a system of others by the mapping that its diagnosis takes, or by columns called like its connectors.
 
     Returns:
         Time, inputs in their units, start values, and the inputs that are held.
@@ -216,17 +226,19 @@ def _mapped(
     import numpy as np
 
     from cosim.anysystem.read import begun, read
+    from cosim.system.graph import port_of
 
     (log,), options, _ = read([file], system, mapping)
     for warning in log.warnings:
         warn(warning)
     found, hold = dict[str, Any](), list[str]()
+    measured = {port_of(system, name): name for name in log.signals}
     for name, item in system.inputs.items():
-        wires = [w for w in item.targets if str(w.target) in log.signals]
-        if name in log.signals:
-            found[name], signal = log.signals[name], name
+        wires = [w for w in item.targets if w.target in measured]
+        if (signal := measured.get(Port("", name))) is not None:
+            found[name] = log.signals[signal]
         elif wires:  # the mapping names the component's end
-            signal = str(wires[0].target)
+            signal = measured[wires[0].target]
             found[name] = (log.signals[signal] - wires[0].offset) / wires[0].factor
         else:
             continue

@@ -15,6 +15,7 @@ from cosim.anysystem.actions import NEXT, PARAMETER, Action, in_log
 from cosim.anysystem.pipeline import AnyDiagnosis
 from cosim.files import Scratch, write_bytes
 from cosim.native.build import MissingCompilerError, build_native
+from cosim.ssp.effects import kind_of
 from cosim.ssp.flatten import flatten
 from cosim.ssp.system import FOUND, System, Value
 from cosim.ssp.write import NAMESPACES, SSC, SSD, SSV, structure_bytes, write_archive, xml_bytes
@@ -90,8 +91,7 @@ def write_extended(found: AnyDiagnosis, folder: Path, where: Callable[[str, Acti
 
 def element_name(action: Action) -> str:
     """Name of the component that holds an effect."""
-    kind = "".join(c if c.isalnum() else "_" for c in f"{action.port.component}_{action.port.variable}")
-    return f"{action.effect.partition('.')[2]}_{kind}_{action.where}"
+    return f"{action.effect.partition('.')[2]}_{kind_of(action.port)}_{action.where}"
 
 
 def write_package(

@@ -22,7 +22,7 @@ from cosim.signals import SIGNALS, SYNTHETIC_COLUMN, conversion
 from cosim.ssp.quantities import UnitDefinition, contradiction, definition, of_reading
 from cosim.ssp.stated import assumed_si, constants, variables, with_units
 from cosim.ssp.system import Port, System, Value, Variable
-from cosim.system.graph import connectors, port_of
+from cosim.system.graph import connectors, port_called, port_of
 from cosim.units import parse_quantity
 
 Array = NDArray[np.float64]
@@ -99,7 +99,7 @@ def named_columns(path: Path, system: System, units: dict[str, str]) -> tuple[Lo
             continue
         label = heading(label, system)
         try:
-            port = port_of(system, label.name)
+            port = port_called(system, label.name)
         except DataError:
             others.append(label.text)
             continue

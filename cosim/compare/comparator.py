@@ -179,6 +179,7 @@ class Comparator:
     def _assumed(self, given: Mapping[str, Value]) -> list[str]:
         """What to say of inputs that the log does not hold, of FMUs that run without."""
         ports = dict.fromkeys(p for n in self.outputs for p in self._upstream(n, self.command).assumed)
+        ports = {p: None for p in ports if str(p) not in self.constants}
         shown = []
         for port in ports:
             starts = self.system.components[port.component].starts

@@ -18,6 +18,7 @@ from lxml import etree
 from cosim.errors import ModelError, UsageError
 from cosim.ssp.archive import Budget, open_archive, read_entry, scratch_folder
 from cosim.ssp.connect import connect
+from cosim.ssp.effects import with_all_units
 from cosim.ssp.flatten import flatten
 from cosim.ssp.fmu import load_fmu
 from cosim.ssp.hints import did_you_mean
@@ -190,6 +191,7 @@ class _Reader:
             system.start_time = number(experiment, "startTime", what)
             system.stop_time = number(experiment, "stopTime", what)
         self.note_open_inputs(system)
+        with_all_units(system)
         return system
 
     def stop_if_bad(self) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 from cosim.errors import UsageError
+from cosim.ssp.effects import with_unit
 from cosim.ssp.hints import did_you_mean
 from cosim.ssp.read import resolve, settable_names
 from cosim.ssp.system import Port, System, Value, Variable
@@ -123,6 +124,7 @@ def _state(system: System, port: Port, unit: str) -> None:
     variable = replace(part.fmu.variables[port.variable], unit=unit)
     fmu = replace(part.fmu, variables={**part.fmu.variables, port.variable: variable})
     system.components[port.component] = replace(part, fmu=fmu)
+    with_unit(system, port)
     for name, item in system.inputs.items():
         if not item.unit and any(wire.target == port and wire.factor == 1.0 for wire in item.targets):
             system.inputs[name] = replace(item, unit=unit)
