@@ -25,7 +25,7 @@ from cosim.master.inputs import Series
 from cosim.signals import SIGNALS
 from cosim.ssp.hints import did_you_mean
 from cosim.ssp.read import read_system, resolve, settable_names
-from cosim.ssp.stated import assumed_si, constants, with_units
+from cosim.ssp.stated import assumed_si, constants, variables, with_units
 from cosim.ssp.system import Port, System, Value
 
 Array = NDArray[np.float64]
@@ -82,6 +82,10 @@ class Comparator:
                 raise DataError("; ".join(wrong))
             self.bindings = bind(self.system, self.log.units, table)
             self.measured = tuple(name for name in self.bindings if name in self.log)
+            driven = {wire.target for name in self.measured for wire in self.bindings[name].wires}
+            for name in table.constant:
+                if driven & set(variables(self.system, name)):
+                    raise DataError(f"constant '{name}': it is measured: leave it out")
             self.notes += self._without_unit(table)
             self.starts = start_values(self.system, table, self.bindings)
             self._check(table.aside)

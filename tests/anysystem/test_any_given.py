@@ -128,6 +128,7 @@ def test_all_commands_take_the_same_of_a_mapping_and_the_extended_model_holds_it
             "the system has no connector 'Geared.geer', nor a parameter (closest: 'Geared.gear'",
         ),
         ('{ "Geared.y" = 2 }', "constant 'Geared.y': it is no input"),
+        ('{ "Geared.u" = 2 }', "constant 'Geared.u': it is measured: leave it out"),
     ],
 )
 def test_a_constant_that_cannot_be_is_told_alike(
