@@ -1,14 +1,11 @@
 """``cosim diagnose``: names what the simulation gets wrong in a log, extends the model and measures the gain."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from cosim.options import Language, Verbose
-
-if TYPE_CHECKING:
-    from cosim.diagnosis.answer.schema import Answer
 
 
 def register(app: typer.Typer) -> None:
@@ -64,7 +61,7 @@ def diagnose(
     """Name what the simulation gets wrong, extend the model, measure the gain on held-out data."""
     from cosim import api
     from cosim.console import emit_json
-    from cosim.report.screen import show
+    from cosim.report.screen import driven_by, show
 
     found = api.diagnose(
         log,
@@ -83,20 +80,3 @@ def diagnose(
         emit_json(found.to_dict())
     else:
         show(found.answer, out, verbose, driven_by(found.answer, log[0], mapping))
-
-
-def driven_by(answer: "Answer", log: Path, mapping: Path | None) -> str:
-    """Options with which the log drives the extended model; none where it has no inputs, as one that holds its stimulus."""
-    from cosim.console import typed
-    from cosim.errors import CosimError
-    from cosim.ssp.read import read_system
-
-    if answer.extended is None or answer.interrupted:
-        return ""
-    try:
-        with read_system(Path(answer.extended.ssp)) as system:
-            if not system.inputs:
-                return ""
-    except CosimError:  # it was not written, which a warning says
-        return ""
-    return f" --input {typed(log)}" + (f" --mapping {typed(mapping)}" if mapping is not None else "")

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from cosim.console import stdout_console, table, typed
 from cosim.diagnosis.answer.schema import ITSELF, ONE_WAY, Answer, NamedCause, Parameter
+from cosim.errors import CosimError
 from cosim.lexicon import speaking
 from cosim.report.drive import SLOPE, by_side
 from cosim.report.folder import lexicon_of
@@ -34,6 +35,7 @@ from cosim.report.words import (
     without_tracker,
     words_of,
 )
+from cosim.ssp.read import read_system
 
 REPORT = "report.html"
 MOST_FITTED = 6  # parameters in a line
@@ -302,6 +304,19 @@ def next_step(result: Answer, out: Path, driven: str = "") -> str:
     return (
         f"look at what is left over in {out / REPORT}; a longer log, or one with more signals, may tell more"
     )
+
+
+def driven_by(result: Answer, log: Path, mapping: Path | None) -> str:
+    """Options with which a log drives the extended model; none where it has no inputs, as one that holds its stimulus."""
+    if result.extended is None or result.interrupted:
+        return ""
+    try:
+        with read_system(Path(result.extended.ssp)) as system:
+            if not system.inputs:
+                return ""
+    except CosimError:  # it was not written, which a warning says
+        return ""
+    return f" --input {typed(log)}" + (f" --mapping {typed(mapping)}" if mapping is not None else "")
 
 
 def sentence(text: str) -> str:
