@@ -74,6 +74,8 @@ class Lexicon:
 
     def parameter(self, variable: Variable) -> tuple[str, float]:
         """Unit in which a parameter is shown and the factor from SI to it."""
+        if variable.frequency:
+            return variable.unit, 1.0
         return self.quantity(variable.unit, variable.display)
 
 

@@ -1,8 +1,9 @@
 """What a user asks of a simulation, in texts and files: model, parameters, inputs, times."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cosim.console import warn
 from cosim.errors import DataError, ModelError, UsageError
@@ -15,7 +16,11 @@ from cosim.ssp.fmu import parse_value
 from cosim.ssp.hints import did_you_mean
 from cosim.ssp.parameters import fitted
 from cosim.ssp.read import resolve, settable_names
+from cosim.ssp.system import Port, Value
 from cosim.units import factor, parse_quantity
+
+if TYPE_CHECKING:
+    from cosim.logs import Log
 
 
 def model_path(model: str, with_input: bool = False, log: Path | None = None) -> Path:
@@ -40,7 +45,10 @@ def model_path(model: str, with_input: bool = False, log: Path | None = None) ->
             from cosim.logs import load_log
             from cosim.machines import made_for
 
-            wiring = made_for(path, None if log is None else load_log(log, path)).ssd
+            made = made_for(path, None if log is None else load_log(log, path))
+            for note in made.table.notes:
+                warn(note)
+            wiring = made.ssd
             return build_wiring(wiring, wiring.parent)  # another log makes another machine of the same name
         raise UsageError(
             f"'{model}' is no model: give an .ssp, .fmu or .toml file, or one of {', '.join(known)}"
@@ -124,13 +132,28 @@ def _setting(name: str, text: str, variable: Any) -> Any:
         raise UsageError(f"--set {name}: '{text}' is no {variable.kind}") from None
 
 
-def read_inputs(
-    file: Path, mapping: Path | None, system: System, step: float
-) -> tuple[Mapping[str, Series], float, float]:
-    """Time series for the system's inputs from a log, or from any table with ``name [unit]`` columns.
+@dataclass(frozen=True)
+class Played:
+    """What drives a simulation.
 
-    Returns:
-        (series by input in the input's unit, first time [s], last grid time within the data [s]).
+    Attributes:
+        inputs: series by input of the system, in the input's unit.
+        start: first time [s].
+        stop: last grid time within the data [s].
+        starts: ``component.variable`` -> what the mapping says of parameters and of inputs that were not measured, and of
+            initial values what their signals begin with.
+        hold: inputs that keep each value until the next sample, as the mapping says; None where that is as usual.
+    """
+
+    inputs: Mapping[str, Series]
+    start: float
+    stop: float
+    starts: Mapping[str, Value] = field(default_factory=dict)
+    hold: tuple[str, ...] | None = None
+
+
+def read_inputs(file: Path, mapping: Path | None, system: System, step: float) -> Played:
+    """Time series for the system's inputs from a log, or from any table with ``name [unit]`` columns.
 
     Raises:
         DataError: the file is bad.
@@ -144,49 +167,88 @@ def read_inputs(
             f"'{system.name}' has no inputs, so --input drives nothing: take its open package (*_open.ssp)"
         )
     ours = all(part.fmu.ours for part in system.components.values())
-    if not ours and mapping is not None:
-        time, columns = _mapped(file, mapping, system)
+    starts: dict[str, Value] = {}
+    hold = None
+    if not ours and (mapping is not None or _called_like_connectors(file, system)):
+        time, columns, starts, hold = _mapped(file, mapping, system)
     elif mapping is not None or (ours and set(wanted) <= set(LOG_SIGNALS)):
         log = load_log(file, mapping)
         for warning in log.warnings:
             warn(warning)
         time, columns = log.time, {name: log[name] for name in wanted if name in log.signals}
+        starts = _begun(log, mapping, system, list(columns))
     else:
         time, columns = _table(file, system)
     if not columns:
         raise UsageError(f"{file} has none of the inputs of '{system.name}': {', '.join(wanted)}")
     first = float(time[0])
     steps = int((float(time[-1]) - first) / step + 1e-6)
-    return {name: (time, values) for name, values in columns.items()}, first, first + steps * step
+    series = {name: (time, values) for name, values in columns.items()}
+    return Played(series, first, first + steps * step, starts, hold)
 
 
-def _mapped(file: Path, mapping: Path, system: System) -> tuple[Any, dict[str, Any]]:
-    """Inputs of a system of others by the mapping that its diagnosis takes, in their units."""
+def _begun(log: "Log", mapping: Path | None, system: System, drives: list[str]) -> dict[str, Value]:
+    """Initial values of a system of ours, as ``[compare.start]`` of the mapping says."""
+    from cosim.compare.binding import bind, start_values
+    from cosim.compare.mapping import load_mapping
+    from cosim.compare.prepare import first_value
+    from cosim.machines import in_package
+
+    plain, table = load_mapping(mapping) if mapping is not None else (None, None)
+    if plain is None or table is None or not table.start:
+        return {}
+    table = table.model_copy(update={"signals": {**table.signals, **in_package(system, plain, table)}})
+    bound = bind(system, log.units, table)
+    wanted = {p: n for p, n in start_values(system, table, bound).items() if p in table.start and n in log}
+    driving = [log[n] for n in drives]
+    return {
+        p: bound[n].gain * first_value(log[n], log.valid_mask(n), driving, log.step)[0]
+        for p, n in wanted.items()
+    }
+
+
+def _called_like_connectors(file: Path, system: System) -> bool:
+    """Whether columns are called like the connectors of components, as a diagnosis takes them, and not like the inputs."""
+    from cosim.logs.load import open_source
+
+    names = [label.name for label in open_source(file).labels]
+    return not set(names) & set(system.inputs) and any(
+        n.partition(".")[0] in system.components for n in names
+    )
+
+
+def _mapped(
+    file: Path, mapping: Path | None, system: System
+) -> tuple[Any, dict[str, Any], dict[str, Value], tuple[str, ...]]:
+    """Of a system of others by the mapping that its diagnosis takes, or by columns called like its connectors.
+
+    Returns:
+        Time, inputs in their units, start values, and the inputs that are held.
+    """
     import numpy as np
 
-    from cosim.anysystem.read import read
+    from cosim.anysystem.read import begun, read
+    from cosim.system.graph import port_of
 
     (log,), options, _ = read([file], system, mapping)
     for warning in log.warnings:
         warn(warning)
-    found = {}
+    found, hold = dict[str, Any](), list[str]()
+    measured = {port_of(system, name): name for name in log.signals}
     for name, item in system.inputs.items():
-        wires = [w for w in item.targets if str(w.target) in log.signals]
-        if name in log.signals:
-            found[name] = log.signals[name]
+        wires = [w for w in item.targets if w.target in measured]
+        if (signal := measured.get(Port("", name))) is not None:
+            found[name] = log.signals[signal]
         elif wires:  # the mapping names the component's end
-            found[name] = (log.signals[str(wires[0].target)] - wires[0].offset) / wires[0].factor
-    if found:  # what drives it; then what the mapping says of the others
-        for name, item in system.inputs.items():
-            ends = {str(w.target): w for w in item.targets if str(w.target) in options.constant}
-            if name in found:
-                continue
-            if name in options.constant:
-                found[name] = np.full(log.time.size, options.constant[name])
-            elif ends:  # of the component's end
-                end, wire = next(iter(ends.items()))
-                found[name] = np.full(log.time.size, (options.constant[end] - wire.offset) / wire.factor)
-    return log.time, found
+            signal = measured[wires[0].target]
+            found[name] = (log.signals[signal] - wires[0].offset) / wires[0].factor
+        else:
+            continue
+        if signal in log.held:
+            hold.append(name)
+    h = float(np.median(np.diff(log.time)))
+    starts = begun(options.start, log.signals, log.missing, list(found.values()), h)
+    return log.time, found, {**options.given, **starts}, tuple(hold)
 
 
 def _table(file: Path, system: System) -> tuple[Any, dict[str, Any]]:

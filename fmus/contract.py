@@ -57,6 +57,11 @@ class Variable:
     kind: Literal["real", "integer", "time"] = "real"
     discrete: bool = False
 
+    @property
+    def frequency(self) -> bool:
+        """True of an angular frequency: it stays one where a travel stands for the angle."""
+        return self.unit == "rad/s" and "frequency" in self.text.lower()
+
 
 @dataclass(frozen=True)
 class Buffer:

@@ -1,7 +1,7 @@
 """The diagnosis of any system in the contract's form, in the units of the log."""
 
 import platform
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -316,7 +316,7 @@ def signals(found: AnyDiagnosis) -> dict[str, Signal]:
     for finding, connector in judged_signals(found):
         unit, scale, _ = column_scale(found, connector)
         left = series(finding, connector, finding.null.fit.values)
-        measured = np.concatenate([s.signals[connector] for s in judging(finding, connector)])
+        measured = finding.model.measured(connector)
         result[connector] = Signal(
             rmse=rms(left) / abs(scale),
             fit_percent=fit_percent(measured, measured - left) or 0.0,
@@ -352,9 +352,15 @@ def localisation(found: AnyDiagnosis) -> list[Location]:
     return result
 
 
-def by_window(logs: Sequence[Segment], out: NDArray[np.bool_], *errors: Array) -> list[Array]:
+def held_windows(finding: Finding, connector: str) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+    """Of what was read of a connector (n,): what is held out, and the numbers of these windows."""
+    own, read = judging(finding, connector), finding.model.known(connector)
+    out = ~np.concatenate([s.fitted for s in own])[read]
+    return out, np.concatenate([s.windows for s in own])[read][out]
+
+
+def by_window(out: NDArray[np.bool_], windows: NDArray[np.int64], *errors: Array) -> list[Array]:
     """Of each error (n,) the sums of squares in each window of what is held out."""
-    windows = np.concatenate([s.windows for s in logs])[out]
     return [squares_by_block(e[out], windows) for e in errors]
 
 
@@ -366,12 +372,11 @@ def gains(found: AnyDiagnosis) -> dict[str, SignalGain]:
             continue
         before = series(finding, connector, finding.null.fit.values)
         after = series(finding, connector, extended(finding, finding.fitted or finding.chosen))
-        own = judging(finding, connector)
-        measured = np.concatenate([s.signals[connector] for s in own])
-        out = ~np.concatenate([s.fitted for s in own])
+        measured = finding.model.measured(connector)
+        out, windows = held_windows(finding, connector)
         if not out.any():  # the logs held out lack it
             continue
-        squares = by_window(own, out, after, before)
+        squares = by_window(out, windows, after, before)
         unit, scale, _ = column_scale(found, connector)
         result[connector] = SignalGain(
             rmse_before=rms(before[out]) / abs(scale),
@@ -438,15 +443,14 @@ def calibrated(found: AnyDiagnosis) -> dict[str, Calibration]:
         if not finding.free:
             continue
         stated = {f"{PARAMETER}|{n}": value_of(found.system, n) or 0.0 for n in finding.free}
-        own = judging(finding, connector)
-        out = ~np.concatenate([s.fitted for s in own])
+        out, windows = held_windows(finding, connector)
         if not out.any():
             continue
-        measured = np.concatenate([s.signals[connector] for s in own])
+        measured = finding.model.measured(connector)
         values = finding.null.fit.values
         before = measured - finding.model.whole(finding.model({**values, **stated}), connector)
         after = series(finding, connector, values)
-        squares = by_window(own, out, after, before)
+        squares = by_window(out, windows, after, before)
         unit, scale, _ = column_scale(found, connector)
         result[connector] = Calibration(
             rmse_stated=rms(before[out]) / abs(scale),

@@ -15,8 +15,9 @@ from cosim.anysystem.actions import NEXT, PARAMETER, Action, in_log
 from cosim.anysystem.pipeline import AnyDiagnosis
 from cosim.files import Scratch, write_bytes
 from cosim.native.build import MissingCompilerError, build_native
+from cosim.ssp.effects import kind_of
 from cosim.ssp.flatten import flatten
-from cosim.ssp.system import System
+from cosim.ssp.system import FOUND, System, Value
 from cosim.ssp.write import NAMESPACES, SSC, SSD, SSV, structure_bytes, write_archive, xml_bytes
 from cosim.ssp.xml import parse
 from fmus.build import build_fmu
@@ -26,7 +27,8 @@ from fmus.port_effect import BLOCK
 Starts = Mapping[str, float]
 Maker = Callable[[Composed, Path, Starts], Path]
 DESCRIPTION = "SystemStructure.ssd"
-SET = "diagnosis"
+UNSTATED: Mapping[str, Value] = {}
+STATED = "mapping"  # name of the set of what a mapping says of parameters and of inputs
 CONNECTED = ("Real", "Integer", "Boolean")  # types of connectors that need no definition beside them
 # parameters of an effect that are called otherwise where one FMU holds all effects
 NAMES = {
@@ -70,14 +72,17 @@ def write_extended(found: AnyDiagnosis, folder: Path, where: Callable[[str, Acti
         numbers |= {n: value for n, (value, _) in (finding.free | finding.settled).items()}
     if not placed and not numbers:
         return []
-    files = [write_package(found.system, effects, numbers, folder / "extended.ssp", build_fmu)]
+    stated = found.stated
+    files = [write_package(found.system, effects, numbers, folder / "extended.ssp", build_fmu, stated)]
     everything = numbers | {
         f"{element_name(a)}.{n}": v for a, starts in effects if starts for n, v in starts.items()
     }
     files.append(write_bytes(folder / "extended.ssv", parameter_set(everything)))
     try:
         files.append(
-            write_package(found.system, effects, numbers, folder / "extended_native.ssp", build_native)
+            write_package(
+                found.system, effects, numbers, folder / "extended_native.ssp", build_native, stated
+            )
         )
     except MissingCompilerError as error:
         found.notes.append(f"no native extended package: {error}")
@@ -86,8 +91,7 @@ def write_extended(found: AnyDiagnosis, folder: Path, where: Callable[[str, Acti
 
 def element_name(action: Action) -> str:
     """Name of the component that holds an effect."""
-    kind = "".join(c if c.isalnum() else "_" for c in f"{action.port.component}_{action.port.variable}")
-    return f"{action.effect.partition('.')[2]}_{kind}_{action.where}"
+    return f"{action.effect.partition('.')[2]}_{kind_of(action.port)}_{action.where}"
 
 
 def write_package(
@@ -96,15 +100,17 @@ def write_package(
     numbers: Mapping[str, float],
     destination: Path,
     make: Maker,
+    stated: Mapping[str, Value] = UNSTATED,
 ) -> Path:
     """A system's package with effects in its wires.
 
     Args:
         system: as it was read; of an FMU a package is made around it.
         effects: with the start values of their FMUs; those without are left out.
-        numbers: ``component.parameter`` -> value.
+        numbers: ``component.parameter`` -> value, as found.
         destination: the file.
         make: makes the FMU of an effect.
+        stated: what the mapping says of parameters, and of inputs that were not measured, likewise.
     """
     entries, root = opened(system)
     node = root.find("ssd:System", NAMESPACES)
@@ -116,10 +122,11 @@ def write_package(
             file = make(compose(BLOCK), Path(scratch, f"{name}.fmu"), starts)
             entries[f"resources/{name}.fmu"] = file.read_bytes()
             insert(node, action, name)
-    for full, value in numbers.items():
-        component, _, parameter = full.partition(".")
-        element = node.find(f"ssd:Elements/ssd:Component[@name='{component}']", NAMESPACES)
-        bind(element, {parameter: value})
+    for label, values in ((STATED, stated), (FOUND, numbers)):
+        for full, value in values.items():
+            component, _, parameter = full.partition(".")
+            element = node.find(f"ssd:Elements/ssd:Component[@name='{component}']", NAMESPACES)
+            bind(element, {parameter: value}, label)
     entries[DESCRIPTION] = structure_bytes(root)
     return write_archive(entries, destination)
 
@@ -205,7 +212,7 @@ def insert(system: etree._Element, action: Action, name: str) -> None:
     connect(wires, *((inside, port) if action.where == "input" else (port, inside)))
 
 
-def bind(element: etree._Element, values: Mapping[str, float]) -> None:
+def bind(element: etree._Element, values: Mapping[str, Value], label: str) -> None:
     """Bind values to a component, after those that it has: the last one counts."""
     bindings = element.find("ssd:ParameterBindings", NAMESPACES)
     if bindings is None:
@@ -214,14 +221,16 @@ def bind(element: etree._Element, values: Mapping[str, float]) -> None:
         element.insert(0 if ports is None else list(element).index(ports) + 1, bindings)
     binding = etree.SubElement(bindings, f"{{{SSD}}}ParameterBinding")
     inside = etree.SubElement(binding, f"{{{SSD}}}ParameterValues")
-    inside.append(etree.fromstring(parameter_set(values)))
+    inside.append(etree.fromstring(parameter_set(values, label)))
 
 
-def parameter_set(values: Mapping[str, float]) -> bytes:
-    """A parameter set of numbers in the FMUs' units."""
-    root = etree.Element(f"{{{SSV}}}ParameterSet", nsmap={"ssv": SSV, "ssc": SSC}, version="1.0", name=SET)
+def parameter_set(values: Mapping[str, Value], label: str = FOUND) -> bytes:
+    """A parameter set of values in the FMUs' units."""
+    root = etree.Element(f"{{{SSV}}}ParameterSet", nsmap={"ssv": SSV, "ssc": SSC}, version="1.0", name=label)
     parent = etree.SubElement(root, f"{{{SSV}}}Parameters")
     for name, value in values.items():
         node = etree.SubElement(parent, f"{{{SSV}}}Parameter", name=name)
-        etree.SubElement(node, f"{{{SSV}}}Real", value=repr(value))
+        kind = "Boolean" if isinstance(value, bool) else "Integer" if isinstance(value, int) else "Real"
+        text = str(value).lower() if kind == "Boolean" else repr(value)
+        etree.SubElement(node, f"{{{SSV}}}{kind}", value=text)
     return xml_bytes(root)

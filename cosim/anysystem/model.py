@@ -48,6 +48,7 @@ class Segment:
         recorded: the signals (m,) as they were read, where that was not on this grid.
         stamps: (m,) where these are, in intervals from the start.
         steps: signals whose values hold until the next sample.
+        missing: signal -> (n,) True in a pause, or where a value was missing; only signals that have such places.
     """
 
     start: float
@@ -60,6 +61,7 @@ class Segment:
     recorded: dict[str, Array] = field(default_factory=dict)
     stamps: Array = field(default_factory=lambda: np.zeros(0))
     steps: frozenset[str] = frozenset()
+    missing: dict[str, NDArray[np.bool_]] = field(default_factory=dict)
 
     @property
     def count(self) -> int:
@@ -69,6 +71,10 @@ class Segment:
     def reading(self, signal: str) -> Array:
         """(m,) a signal as it was read: straight lines between uneven stamps hide its steps and repeated samples."""
         return self.recorded.get(signal, self.signals[signal])
+
+    def known(self, signal: str) -> NDArray[np.bool_]:
+        """(n,) True where a signal was read, and not filled in a pause or a missing value."""
+        return ~self.missing.get(signal, np.zeros(self.count, dtype=np.bool_))
 
     def at_stamps(self, series: Array) -> Array:
         """(m,) a series (n,) of the grid where the log was read."""
@@ -162,8 +168,17 @@ class GroupModel:
         return frozenset(found + [f"out:{p}" for p in outputs if p.component in leads])
 
     def whole(self, series: Mapping[str, Array], signal: str) -> Array:
-        """A signal's series of all logs that judge by it, behind one another."""
-        return np.concatenate([series[name] for name in self.places(signal)])
+        """A signal's series of all logs that judge by it, behind one another, where it was read."""
+        return np.concatenate([series[name] for name in self.places(signal)])[self.known(signal)]
+
+    def known(self, signal: str) -> NDArray[np.bool_]:
+        """Where a signal was read in all logs that judge by it, behind one another."""
+        return np.concatenate([self.segments[k].known(signal) for k in self.judging(signal)])
+
+    def measured(self, signal: str) -> Array:
+        """What was read of a signal in all logs that judge by it, behind one another."""
+        logs = [self.segments[k] for k in self.judging(signal)]
+        return np.concatenate([log.signals[signal][log.known(signal)] for log in logs])
 
     def __call__(self, values: Mapping[str, float]) -> dict[str, Array]:
         """The judged signals of all logs, `place`(signal, k) -> (n,)."""
@@ -208,11 +223,14 @@ class GroupModel:
     def seen(self, signal: str, k: int, series: Array) -> Array:
         """A modelled reading (n,) as far as what was measured tells.
 
-        Within half a step of a rounded reading nothing does, nor where the FMU did not promise a value.
+        Within half a step of a rounded reading nothing does, nor in a pause, nor where the FMU did not promise a value.
         """
-        reading = self.segments[k].signals[signal][: series.size]
+        segment = self.segments[k]
+        reading = segment.signals[signal][: series.size]
         if signal in self.late:
             series = np.concatenate([reading[:1], series[1:]])
+        if signal in segment.missing:
+            series = np.where(segment.missing[signal][: series.size], reading, series)
         if signal not in self.steps:
             return series
         half = 0.5 * self.steps[signal]

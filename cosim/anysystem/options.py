@@ -12,7 +12,8 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
-from cosim.errors import UsageError
+from cosim.errors import DataError, UsageError
+from cosim.ssp.system import Value
 from cosim.system.effects import EFFECTS
 from cosim.tables import checked
 from cosim.units import parse_quantity
@@ -32,6 +33,7 @@ class AnyOptions(BaseModel):
             has them in ``[compare.start]``.
         causes: causes looked for in one group at most.
         sample: what one sample counts as, s, where the log counts samples.
+        given: ``component.variable`` -> what `constant` comes to there; no key of the file.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -43,6 +45,7 @@ class AnyOptions(BaseModel):
     start: dict[str, str] = {}
     causes: Annotated[int, Field(ge=1, le=3)] = 3
     sample: float | None = None
+    given: dict[str, Value] = Field(default={}, exclude=True)
 
     @field_validator("trusted", mode="before")
     @classmethod
@@ -100,4 +103,6 @@ def options_of(content: dict[str, Any], source: object) -> AnyOptions:
     Raises:
         DataError: a key or value is wrong; the message names it.
     """
+    if "given" in content:
+        raise DataError(f"{source}: '{TABLE}.given' is no key of a mapping: leave it out")
     return checked(AnyOptions, content, TABLE, "a mapping for any system", source)

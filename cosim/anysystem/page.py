@@ -123,7 +123,7 @@ def picture(found: AnyDiagnosis, k: int) -> Picture:
             continue
         segment, name = model.segments[own], placed(connector, own)
         unit, factor, offset = column_scale(found, connector)
-        measured = (segment.signals[connector] - offset) / factor
+        measured = np.where(segment.known(connector), (segment.signals[connector] - offset) / factor, np.nan)
         layers = [Layer("line", "measured", "measured", *thinned(time, measured))]
         before = errors(finding, finding.null.fit.values)[name] / factor
         layers.append(Layer("line", "model", "nominal", *thinned(time, measured - before)))

@@ -1,6 +1,6 @@
 """The diagnosis of any system, on one page: cut, drive each group by what was measured, name, ask the neighbours."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -12,18 +12,17 @@ from cosim.anysystem.experiment import Proposal, propose
 from cosim.anysystem.missing import Missing, allowed, missing
 from cosim.anysystem.model import HOLD, GroupModel, Quantity, Segment, place
 from cosim.anysystem.options import AnyOptions
-from cosim.anysystem.read import Recording, ends, value_of
+from cosim.anysystem.read import Recording, begun, value_of
 from cosim.anysystem.readings import stale_of
-from cosim.anysystem.search import CLOSE, Candidate, Finding, Search, Trust, worth
+from cosim.anysystem.search import CLOSE, Candidate, Finding, Search, Trust, errors, worth
 from cosim.anysystem.smooth import followed, still
 from cosim.anysystem.thin import alike, factors, loses_noise_alone, share, thinned
-from cosim.compare.prepare import first_value
 from cosim.diagnosis.budget import Budget
 from cosim.diagnosis.thresholds import FEWEST_SAMPLES
 from cosim.errors import DataError, SimulationError
 from cosim.inference.problem import Problem
 from cosim.logs.log import whole_interval
-from cosim.ssp.system import NUMERIC, Port, System
+from cosim.ssp.system import NUMERIC, Port, System, Value
 from cosim.system.graph import CutGroup, measured_ports, port_of
 from cosim.system.runs import Runs
 from cosim.system.structure import Structure, structure
@@ -36,6 +35,7 @@ SEARCHED = 0.85  # of the time allowed, until which groups are judged
 AS_GOOD = 2.0  # times a reading's noise: a model that leaves no more of it takes the reading's place
 LEAST_GAIN = 0.05  # below it a reading holds more noise than signal
 UNEVEN = 0.01  # of an interval
+PAUSED = 0.01  # of a log: shorter pauses need no word
 FAR = 5.0  # spreads of a reading by which a model errs that is in another unit, or runs away
 NO_LOGS: tuple[frozenset[int], frozenset[int]] = (frozenset(), frozenset())
 SAID = 3e-3  # of a signal's spread: what a finer solver changes of it is said
@@ -61,6 +61,7 @@ class AnyDiagnosis:
         budget: the time allowed, and what was left out for it.
         stage: what goes on.
         proposal: the next experiment.
+        stated: ``component.variable`` -> what the mapping says of parameters and of inputs that were not measured.
         only: group -> numbers of the logs in which its causes are, where others show that they are not there; and of these.
         missing: group that stays wrong -> where what is missing enters; None where nobody can tell.
         runs, steps: runs of units and communication steps made.
@@ -86,6 +87,7 @@ class AnyDiagnosis:
     proposal: Proposal | None = None
     missing: dict[str, Missing | None] = field(default_factory=dict)
     only: dict[str, tuple[frozenset[int], frozenset[int]]] = field(default_factory=dict)
+    stated: dict[str, Value] = field(default_factory=dict)
 
     @property
     def groups(self) -> tuple[CutGroup, ...]:
@@ -115,15 +117,18 @@ def segments_of(logs: Sequence[Recording], held: int) -> tuple[list[Segment], li
         intervals = np.diff(log.time)
         h = float(f"{np.median(intervals):.12g}")
         signals, recorded, stamps = log.signals, dict[str, Array](), np.zeros(0)
+        missing = dict(log.missing)
         if float(np.max(np.abs(intervals - h))) > UNEVEN * h:
             recorded, stamps = dict(signals), (log.time - log.time[0]) / h
             grid = log.time[0] + h * np.arange(int(np.floor((log.time[-1] - log.time[0]) / h + 1e-9)) + 1)
-            before = np.searchsorted(log.time, grid, side="right") - 1
+            before = np.searchsorted(log.time, grid + 1e-6 * h, side="right") - 1
+            missing = unread(log, grid, h)
             signals = {
                 n: v[before] if n in log.held else np.interp(grid, log.time, v) for n, v in signals.items()
             }
             count = grid.size
             notes.append(f"{log.source}: uneven intervals: brought to {h:g} s by straight lines")
+            notes += paused(log, missing)
         else:  # the mean interval: a median of rounded stamps would drift off them
             h = whole_interval(float(f"{np.mean(intervals):.12g}"), count)
         windows = np.minimum(np.arange(count) * WINDOWS // count, WINDOWS - 1) + number
@@ -140,9 +145,41 @@ def segments_of(logs: Sequence[Recording], held: int) -> tuple[list[Segment], li
                 recorded=recorded,
                 stamps=stamps,
                 steps=log.held,
+                missing=missing,
             )
         )
     return found, notes
+
+
+def unread(log: Recording, grid: Array, h: float) -> dict[str, NDArray[np.bool_]]:
+    """Signal -> (n,) True at points of a grid [s] within a pause, or beside a missing value; only signals that have such."""
+    last = log.time.size - 1
+    before = np.searchsorted(log.time, grid + 1e-6 * h, side="right") - 1
+    after = np.minimum(np.searchsorted(log.time, grid - 1e-6 * h, side="left"), last)
+    inside = np.zeros(grid.size, dtype=np.bool_)
+    for start, stop in log.gaps:
+        inside |= (log.time[before] <= start) & (log.time[after] >= stop)
+    none = np.zeros(log.time.size, dtype=np.bool_)
+    found = {}
+    for name in log.signals:
+        lost = log.missing.get(name, none)
+        found[name] = inside | lost[before] | (lost[after] & (name not in log.held))
+    return {name: mask for name, mask in found.items() if mask.any()}
+
+
+def paused(log: Recording, missing: Mapping[str, NDArray[np.bool_]]) -> list[str]:
+    """What to say of a log with pauses: nothing is judged there, and what drives the model is guessed."""
+    if not log.gaps or not missing:
+        return []
+    share = float(
+        np.mean(np.logical_and.reduce([missing.get(n, np.zeros(1, dtype=np.bool_)) for n in log.signals]))
+    )
+    if share < PAUSED:
+        return []
+    return [
+        f"{log.source}: pauses ({len(log.gaps)}) make {100 * share:.2g} % of the time: the model runs through them as if "
+        "its inputs went on evenly, and is not judged there; if they moved, diagnose the parts as logs of their own"
+    ]
 
 
 def segments_for(found: AnyDiagnosis, group: CutGroup) -> list[Segment]:
@@ -214,7 +251,7 @@ def diagnose_system(
     cuts = cut_by_logs(system, logs, held)
     names, groups = cuts.names, cuts.groups
     segments, notes = segments_of(logs, held)
-    found = AnyDiagnosis(system, list(logs), segments, cuts, held=held, notes=notes)
+    found = AnyDiagnosis(system, list(logs), segments, cuts, held=held, notes=notes, stated=options.given)
     found.notes += apart_from(found)
     found.budget = budget or found.budget
     found.structure = structure(system, names, tuple(options.trusted))
@@ -298,7 +335,7 @@ def judge(
         return
     model = model_of(found, group, runs, segments, options)
     still_inputs = unmeasured(found.system, group)
-    stated = stated_inputs(found.system, options)
+    stated = options.given
     found.notes += assumed(group, still_inputs, stated, trust)
     search = Search(model, trust, options.exclude, options.causes, found.budget)
     found.notes += [
@@ -352,18 +389,13 @@ def model_of(
 ) -> GroupModel:
     """A group's model, with what the mapping says of its inputs and of where it begins."""
     model = GroupModel(group, found.system, runs, segments, found.cuts.own[group.name])
-    stated, still_inputs = stated_inputs(found.system, options), unmeasured(found.system, group)
     held = [
         d
         for d in group.drives
         if found.system.variable(d.port).kind == "Real"
         and all(d.signal in s.steps for s in segments if d.signal in s.signals)
     ]
-    model.base = (
-        {n: v for n, v in stated.items() if n in still_inputs}
-        | {f"{HOLD}:{d.signal}>{d.port}": -0.5 for d in held}
-        | begins(model, options)
-    )
+    model.base = {f"{HOLD}:{d.signal}>{d.port}": -0.5 for d in held} | begins(model, options)
     return model
 
 
@@ -508,9 +540,12 @@ def behind(finding: Finding, signal: str, candidate: Candidate | None = None) ->
     for k in model.judging(signal):
         segment, own = model.segments[k], left[place(signal, k)]
         # with the moment at which it was read, which the model's series does not have
-        predicted = (
-            segment.signals[signal] - own if signal not in model.steps else model.ports(values, k)[signal]
-        )
+        predicted = segment.signals[signal] - own
+        if signal in model.steps or signal in segment.missing:
+            whole = model.ports(values, k)[signal]
+            predicted = (
+                whole if signal in model.steps else np.where(segment.missing[signal], whole, predicted)
+            )
         found[k] = followed(predicted, own)
     return found
 
@@ -534,7 +569,7 @@ def unmeasured(system: System, group: CutGroup) -> dict[str, float | None]:
 
 def far_off(finding: Finding) -> list[str]:
     """Signals that stay wrong and of which the model as it is goes far beyond anything that was read."""
-    residual = finding.problem.residuals(finding.null.fit.values)
+    residual = errors(finding, finding.null.fit.values)
     notes = []
     for signal in finding.unexplained:
         own = finding.model.whole(residual, signal)
@@ -547,31 +582,19 @@ def far_off(finding: Finding) -> list[str]:
     return notes
 
 
-def stated_inputs(system: System, options: AnyOptions) -> dict[str, float]:
-    """What the mapping says of inputs that are not measured: ``component.input`` -> value."""
-    return {
-        str(target): factor * value + offset
-        for name, value in options.constant.items()
-        for target, factor, offset in ends(system, port_of(system, name))
-    }
-
-
 def begins(model: GroupModel, options: AnyOptions) -> dict[str, float]:
     """Parameters that are an initial value, in each log what a signal of it begins with."""
-    found = {}
-    for name, signal in options.start.items():
-        for segment in model.segments:
-            if signal not in segment.signals or name.partition(".")[0] not in model.group.components:
-                continue
-            reading = segment.signals[signal]
-            drives = [segment.signals[d.signal] for d in model.group.drives if d.signal in segment.signals]
-            valid = np.ones(reading.size, dtype=np.bool_)
-            found[each(name, segment.number)] = first_value(reading, valid, drives, segment.h)[0]
+    own = {n: s for n, s in options.start.items() if n.partition(".")[0] in model.group.components}
+    found = dict[str, float]()
+    for segment in model.segments:
+        drives = [segment.signals[d.signal] for d in model.group.drives if d.signal in segment.signals]
+        first = begun(own, segment.signals, segment.missing, drives, segment.h)
+        found |= {each(name, segment.number): value for name, value in first.items()}
     return found
 
 
 def assumed(
-    group: CutGroup, inputs: Mapping[str, float | None], stated: Mapping[str, float], trust: Trust
+    group: CutGroup, inputs: Mapping[str, float | None], stated: Collection[str], trust: Trust
 ) -> list[str]:
     """What is taken for granted of inputs that were not measured, in one sentence for the group."""
     guessed = {

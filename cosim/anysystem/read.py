@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from cosim.anysystem.options import AnyOptions, options_of
 from cosim.compare.mapping import load_mapping
+from cosim.compare.prepare import first_value
 from cosim.errors import DataError, UsageError
 from cosim.logs import Log
 from cosim.logs.choose import holds
@@ -19,9 +20,9 @@ from cosim.logs.source import Label
 from cosim.machines import in_package
 from cosim.signals import SIGNALS, SYNTHETIC_COLUMN, conversion
 from cosim.ssp.quantities import UnitDefinition, contradiction, definition, of_reading
-from cosim.ssp.stated import assumed_si, with_units
-from cosim.ssp.system import Port, System, Variable
-from cosim.system.graph import connectors, port_of
+from cosim.ssp.stated import assumed_si, constants, variables, with_units
+from cosim.ssp.system import Port, System, Value, Variable
+from cosim.system.graph import connectors, port_called, port_of
 from cosim.units import parse_quantity
 
 Array = NDArray[np.float64]
@@ -57,6 +58,8 @@ class Recording:
         columns: connector -> what it was.
         warnings: what was done to the log.
         held: connectors whose values hold until the next sample, as the mapping says.
+        missing: connector -> (n,) True where a value was missing and was filled; only connectors that have such places.
+        gaps: (stamp before, stamp after) of pauses [s].
     """
 
     source: Path
@@ -67,6 +70,8 @@ class Recording:
     sha256: str = ""
     synthetic: bool = False
     held: frozenset[str] = frozenset()
+    missing: dict[str, NDArray[np.bool_]] = field(default_factory=dict)
+    gaps: tuple[tuple[float, float], ...] = ()
 
 
 def named_columns(path: Path, system: System, units: dict[str, str]) -> tuple[LogMapping, list[str]]:
@@ -94,7 +99,7 @@ def named_columns(path: Path, system: System, units: dict[str, str]) -> tuple[Lo
             continue
         label = heading(label, system)
         try:
-            port = port_of(system, label.name)
+            port = port_called(system, label.name)
         except DataError:
             others.append(label.text)
             continue
@@ -218,7 +223,9 @@ def read(
             if not lacking
             for end, _, _ in ends(system, port_of(system, targets[n][0]))
         }
-        options = with_parameters(system, options)
+        stated_values, wrong = constants(system, options.constant)
+        options = with_constants(system, options, stated_values)
+        lacking += wrong
         stated_starts = {**options.start, **table.start}
         known = (
             {}
@@ -276,20 +283,38 @@ def ends(system: System, port: Port) -> list[tuple[Port, float, float]]:
     return [(w.target, w.factor, w.offset) for w in system.inputs[port.variable].targets]
 
 
-def with_parameters(system: System, options: AnyOptions) -> AnyOptions:
-    """Give the system what the mapping says of parameters, as a package would; what is left is said of inputs."""
-    inputs = {}
-    for name, value in options.constant.items():
-        component, _, parameter = name.partition(".")
-        part, variable = system.components.get(component), _variable(system, name)
-        settable = variable is not None and variable.causality == "parameter" and variable.can_be_set
-        whole = variable is not None and variable.kind == "Integer" and value.is_integer()
-        if part is None or variable is None or not settable or not (whole or variable.kind == "Real"):
-            inputs[name] = value
-            continue
-        start = int(value) if whole else value
-        system.components[component] = replace(part, starts={**part.starts, parameter: start})
-    return options.model_copy(update={"constant": inputs})
+def with_constants(system: System, options: AnyOptions, given: Mapping[str, Value]) -> AnyOptions:
+    """Give the system what the mapping says of parameters and of inputs that were not measured, as a package would."""
+    for name, value in given.items():
+        component, _, variable = name.partition(".")
+        part = system.components[component]
+        system.components[component] = replace(part, starts={**part.starts, variable: value})
+    return options.model_copy(update={"given": dict(given)})
+
+
+def begun(
+    start: Mapping[str, str],
+    signals: Mapping[str, Array],
+    missing: Mapping[str, NDArray[np.bool_]],
+    drives: Sequence[Array],
+    h: float,
+) -> dict[str, float]:
+    """Initial values in one log: what a signal of each begins with.
+
+    Args:
+        start: ``component.parameter`` -> signal.
+        signals: what was read (n,).
+        missing: signal -> (n,) True where it was not.
+        drives: what moves them (n,).
+        h: interval [s].
+    """
+    found = {}
+    for name, signal in start.items():
+        if signal in signals:
+            reading = signals[signal]
+            lost = missing.get(signal, np.zeros(reading.size, dtype=np.bool_))
+            found[name] = first_value(reading, ~lost, list(drives), h)[0]
+    return found
 
 
 def _variable(system: System, name: str) -> Variable | None:
@@ -300,17 +325,11 @@ def _variable(system: System, name: str) -> Variable | None:
 
 
 def _bad_parameters(system: System, options: AnyOptions, measured: Collection[Port]) -> list[str]:
-    found = []
-    for name in options.constant:
-        try:
-            port = port_of(system, name)
-        except DataError as error:
-            found.append(f"constant '{name}': {error}")
-            continue
-        if port.component and system.variable(port).causality != "input":
-            found.append(f"constant '{name}': it is no input")
-        elif any(end in measured for end, _, _ in ends(system, port)):
-            found.append(f"constant '{name}': it is measured: leave it out")
+    found = [
+        f"constant '{n}': it is measured: leave it out"
+        for n in options.constant
+        if any(port in measured for port in variables(system, n))
+    ]
     for name in (*options.trusted, *options.free):
         component, _, parameter = name.partition(".")
         variable = _variable(system, name)
@@ -355,15 +374,17 @@ def _recording(
     system: System,
     options: AnyOptions,
 ) -> Recording:
-    time = log.time
+    time, second = log.time, 1.0
     if log.time_unit != "s":
         if options.sample is None:
             raise DataError(
                 f"{log.source}: the log counts samples: say in the mapping what one counts as, such as "
                 '[diagnose] sample = "10 ms"'
             )
-        time = time * options.sample
+        second = options.sample
+        time = time * second
     found = Recording(log.source, time, {}, {}, list(log.warnings), log.sha256, log.synthetic)
+    found.gaps = tuple((gap.start * second, gap.stop * second) for gap in log.gaps)
     without: list[tuple[str, str]] = []
     for name, values in log.signals.items():
         connector, stated = targets.get(name, (name.removeprefix("system."), None))
@@ -388,6 +409,8 @@ def _recording(
         found.columns[connector] = Column(name, connector, text or "1", factor * scale, offset)
         if name in log.held:
             found.held |= {connector}
+        if name in log.valid:
+            found.missing[connector] = ~log.valid[name]
     if told := assumed_si(without):
         found.warnings.append(told)
     return found

@@ -275,7 +275,7 @@ class Search:
         self.spreads = {}
         for signal, _ in model.group.judged:
             judging = model.judging(signal)
-            whole = np.concatenate([segments[k].signals[signal] for k in judging])
+            whole = model.measured(signal)
             spread = max(float(np.std(whole)), 1e-9 * max(1.0, float(np.abs(whole).max())))
             self.spreads[signal] = spread
             for k in judging:
@@ -284,6 +284,12 @@ class Search:
                 fitted[name], windows[name] = segment.fitted, segment.windows
                 least[name] = max(quietest(whole), LEAST * spread)
         self.problem = Problem(measured, fitted, windows, model, least)
+        self.problem.missing = {
+            place(s, k): segments[k].missing[s]
+            for s, _ in model.group.judged
+            for k in model.judging(s)
+            if s in segments[k].missing
+        }
         self.problem.hurried = lambda: self.budget.over
         self.problem.sparing = model.sparing
         self.base: dict[str, float] = {PARAMETER + "|" + n: v for n, v in self.free.items()}
@@ -560,7 +566,8 @@ class Search:
         from cosim.inference.noise import Noise
 
         for name, values in self.problem.measured.items():
-            self.problem.noise[name] = Noise(max(white_noise(values), self.problem.least[name]) ** 2)
+            read = values[~self.problem.missing[name]] if name in self.problem.missing else values
+            self.problem.noise[name] = Noise(max(white_noise(read), self.problem.least[name]) ** 2)
 
     def _null(self) -> Candidate:
         problem = self.problem
@@ -656,7 +663,9 @@ class Search:
             if signal in model.steps:
                 continue  # a step hides by far more than what a sample's moment makes out
             shifted = {
-                n: np.gradient(here[n]) if n.partition("#")[0] == signal else np.zeros_like(here[n])
+                n: np.gradient(here[n]) * ~problem.missing.get(n, np.zeros(here[n].size, dtype=np.bool_))
+                if n.partition("#")[0] == signal
+                else np.zeros_like(here[n])
                 for n in problem.names
             }
             add_each(Unknown(f"{SHIFT}:{signal}", -EARLY, EARLY, 1.0, JITTER), shifted)
@@ -1557,8 +1566,8 @@ class Search:
             surest = {a: max(own, judged.get(a, own), key=lambda j: j[1].ci95[0]) for a, own in anew.items()}
             return again, {a: (self._scored(poorer), gain) for a, (poorer, gain) in surest.items()}
         self.steady = False
-        self._settle(best)
-        return best, judged
+        self._settle(best)  # the rows of all with the nuisances that are now
+        return best, {a: (self._scored(poorer), gain) for a, (poorer, gain) in judged.items()}
 
     def _judged(self, best: Candidate, null: Candidate) -> Judged:
         found = {}
@@ -1585,7 +1594,9 @@ class Search:
     def _part(self, series: Mapping[str, Array], signal: str, held: bool) -> Array:
         """A signal's series of all logs behind one another; all of them, or what is held out."""
         fitted = self.problem.fitted
-        return np.concatenate([series[n][~fitted[n] | (not held)] for n in self.model.places(signal)])
+        whole = np.concatenate([series[n] for n in self.model.places(signal)])
+        out = np.concatenate([~fitted[n] | (not held) for n in self.model.places(signal)])
+        return np.asarray(whole[out & self.model.known(signal)])
 
     def _borne_out(
         self, best: Candidate, fitted: Fit, wrong: Collection[str], left: Mapping[str, Explained]
@@ -1776,7 +1787,8 @@ class Search:
 
     def _white(self, signal: str) -> float:
         """White noise of a reading; what is rounded has at least that of its steps, and all what two runs differ by."""
-        readings = [self.model.segments[k].signals[signal] for k in self.model.judging(signal)]
+        logs = [self.model.segments[k] for k in self.model.judging(signal)]
+        readings = [log.signals[signal][log.known(signal)] for log in logs]
         return max(*(white_noise(r) for r in readings), self.problem.least[self.model.places(signal)[0]])
 
     def _floor(self, signal: str, best: Candidate) -> float:
@@ -1812,7 +1824,10 @@ class Search:
             fitted = segment.fitted
             if k not in mixed:  # whole logs are held out: windows of this one are
                 fitted = segment.windows % 3 != 1
-            found[signal] = explained(residual[place(signal, k)], shown, fitted, segment.windows, segment.h)
+            read = segment.known(signal)
+            shown = {n: v[read] for n, v in shown.items()}
+            own = residual[place(signal, k)][read]
+            found[signal] = explained(own, shown, fitted[read], segment.windows[read], segment.h)
         return found
 
     def _share_told(self, signal: str, item: Explained) -> float:

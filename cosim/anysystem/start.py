@@ -10,7 +10,7 @@ from cosim.anysystem.read import ends, heading, value_of
 from cosim.errors import DataError
 from cosim.logs.clocks import TIME_WORDS
 from cosim.logs.clocks import plain as in_words
-from cosim.logs.guess import column_of, stamped, time_lines
+from cosim.logs.guess import column_of, directed, opposite, stamped, time_lines
 from cosim.logs.overview import Column, Overview, overview
 from cosim.logs.source import Label
 from cosim.ssp.quantities import definition
@@ -296,31 +296,46 @@ def mapping_text(
     counts: dict[str, tuple[str, bool]] = {}
     times = _stamps(found) | found.times
     driving = entering(system)
+    free = [c for k, c in enumerate(found.columns) if k not in taken and k not in times]
+    away = {k: other for k in taken if (other := opposite(found.columns[k], free)) is not None}
+    away = {k: other for k, other in away.items() if port_of(system, taken[k]) in driving}
+    shows = [
+        c for k, c in enumerate(found.columns) if k in taken and port_of(system, taken[k]) not in driving
+    ]
+    ways = {k: directed(found.columns[k], other, named_like(taken[k], shows)) for k, other in away.items()}
     for k, column in enumerate(found.columns):
         if k in taken:
             port = taken[k]
             doubt = matched.check(k)
-            unit = column.unit or units[port] or "1"
+            said = "" if units[port] else unit_of_connector(system, port)
+            unit = column.unit or units[port] or said or "1"
             note = "" if column.unit else "  # the heading has no unit: check"
+            note = "  # as the FMU's description says: check" if said and not column.unit else note
             note = f"  # {doubt}: CHECK" if doubt else note
+            column, other = ways.get(k, (column, None))
             lines += [
                 "",
                 f"[signals.{_quoted(port)}]",
                 f"column = {column_of(found, column)}",
                 f"unit = {_quoted(unit)}{note}",
             ]
+            if other is not None:
+                lines.append(
+                    f"minus = {column_of(found, other)}    # the other direction of one command: CHECK, or delete the line"
+                )
             if port_of(system, port) in driving:
                 lines.append(
                     "held = true    # it moves in steps: each value stays until the next sample"
-                    if column.held
+                    if column.held or (other is not None and other.held)
                     else "# held = true    # where each value stays until the next sample, as a controller makes it"
                 )
-            if not units[port] and column.unit:
-                said = unit_of_connector(system, port)
-                if said or not in_si(column.unit):
-                    counts[port] = (said or column.unit, bool(said))
-            told.append(f"{column.label.shown} -> {port}{f' ({doubt}: CHECK)' if doubt else ''}")
-        elif k not in times:
+            if not units[port] and (said or (column.unit and not in_si(column.unit))):
+                counts[port] = (said or column.unit or "1", bool(said))
+            shown = (
+                f"{column.label.shown} minus {other.label.shown}" if other is not None else column.label.shown
+            )
+            told.append(f"{shown} -> {port}{f' ({doubt}: CHECK)' if doubt else ''}")
+        elif k not in times and all(column is not other for pair in ways.values() for other in pair):
             rest = ", ".join(p for p in ports if p not in taken.values())
             what = (
                 f"# what is this column? connectors: {rest}"
@@ -366,6 +381,14 @@ def mapping_text(
     )
     lines += ["# parameters that nobody knows: fitted with every cause", "# free = []", ""]
     return "\n".join(lines), told, open_, lacking(system, found, matched)
+
+
+def named_like(connector: str, columns: Sequence[Column]) -> Column | None:
+    """Of columns that show what a model does the one that shares most words with a connector; None if none shares any."""
+    own = set(words(connector.rpartition(".")[2]))
+    shared = [(len(own & set(words(c.label.short))), c) for c in columns]
+    most = max((n for n, _ in shared), default=0)
+    return next((c for n, c in shared if n == most), None) if most else None
 
 
 def lacking(system: System, found: Overview, matched: Matches) -> str:

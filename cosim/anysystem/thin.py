@@ -60,6 +60,7 @@ def thinned(segment: Segment, every: int, real: Mapping[str, bool]) -> Segment:
         segment,
         h=float(f"{every * segment.h:.12g}"),
         signals=signals,
+        missing={n: lost[::every][:count] for n, lost in segment.missing.items()},
         fitted=segment.fitted[::every][:count],
         windows=segment.windows[::every][:count],
         recorded=segment.recorded or dict(segment.signals),

@@ -232,10 +232,11 @@ def machine_model(mapping: Path, out: Path, log: Path | None = None) -> dict[str
     for warning in loaded.warnings if loaded is not None else ():
         console.warn(warning)
     made, files = write_machine(mapping, out, loaded)
+    for note in made.table.notes:
+        console.warn(note)
     values: dict[str, Any] = {}
     for name, value in made.numbers.values.items():
-        variable = made.machine.variable(name)
-        unit = made.machine.units.get(variable.unit, variable.unit)
+        unit = made.machine.unit(name)
         stated = name in made.machine.parameters and name not in made.numbers.from_log
         source = "stated" if stated else "from the log" if name in made.numbers.from_log else "by default"
         values[name] = {"value": value, "unit": unit, "source": source}

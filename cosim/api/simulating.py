@@ -82,7 +82,10 @@ def run(asked: Asked) -> Result:
         if isinstance(asked.inputs, Log):
             options["inputs"], options["start_time"], stop = of_log(asked.inputs, system, step)
         elif played is not None:
-            options["inputs"], options["start_time"], stop = read_inputs(played, mapping, system, step)
+            driven = read_inputs(played, mapping, system, step)
+            options["inputs"], options["start_time"], stop = driven.inputs, driven.start, driven.stop
+            options["hold"] = driven.hold
+            options["parameters"] = {**driven.starts, **options["parameters"]}
         stop = stop if asked.stop is None else asked.stop
         if asked.start is not None:
             options["start_time"] = asked.start

@@ -202,7 +202,8 @@ def _model(plan: Plan, task: str, system: System, file: File, estimates: Estimat
     start, stop = system.start_time or 0.0, system.stop_time or STOP
     if plan.input:
         mapping = Path(plan.mapping) if plan.mapping else None
-        _, start, stop = read_inputs(Path(plan.input), mapping, system, step)
+        driven = read_inputs(Path(plan.input), mapping, system, step)
+        start, stop, fixed = driven.start, driven.stop, {**driven.starts, **fixed}
     stop = seconds(plan.stop_time, "--stop-time") if plan.stop_time else stop
     known = [f"{c.name}.{v}" for c in system.components.values() for v in c.fmu.variables]
     for name in plan.record:

@@ -115,8 +115,8 @@ def _load_system(job: Job, run: Run, kept: Loaded) -> None:
         from cosim.request import read_inputs
 
         mapping = _present(job.mapping) if job.mapping else None
-        inputs, first, _ = read_inputs(_present(job.input), mapping, system, model.step)
-        kept.options = {"start_time": first, "inputs": inputs}
+        driven = read_inputs(_present(job.input), mapping, system, model.step)
+        kept.options = {"start_time": driven.start, "inputs": driven.inputs, "hold": driven.hold}
 
 
 # Comparison

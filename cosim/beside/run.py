@@ -21,9 +21,7 @@ from cosim.logs.mapping import Mapping
 from cosim.report.earlier import COMPARED, Earlier, keep_logs
 from cosim.request import parameters
 from cosim.ssp.archive import scratch_folder
-from cosim.ssp.read import read_system, resolve
-from cosim.ssp.system import System, Value
-from cosim.system.graph import port_of
+from cosim.ssp.read import read_system
 from cosim.units import parse_quantity
 
 DEFAULT_MODEL = "full_order"
@@ -137,8 +135,8 @@ def beside(
         Comparator(loaded, runs, table=table, step=step) as comparator,
     ):
         limits = read_limits(list(thresholds), comparator)
-        given = constants(comparator.system, names)
-        given |= parameters(comparator.system, [*table.parameter_files, *parameter_sets], list(settings))
+        own = parameters(comparator.system, [*table.parameter_files, *parameter_sets], list(settings))
+        given = {**comparator.constants, **own}
         extras = Extras(comparator, given)
         if calibration is not None:
             given = extras.calibrate(calibration, table, names)
@@ -172,27 +170,6 @@ def of_connectors(log: Path, model: str) -> Mapping | None:
             return named_columns(log, system, {})[0]
         except DataError:
             return None
-
-
-def constants(system: System, names: Mapping | None) -> dict[str, Value]:
-    """What the mapping of a diagnosis of any system says of parameters and of inputs that were not measured.
-
-    Raises:
-        DataError: there is none of a name.
-    """
-    stated = names.diagnose.get("constant", {}) if names is not None and not names.machine else {}
-    if not isinstance(stated, dict):
-        return {}
-    found: dict[str, Value] = {}
-    for name, value in stated.items():
-        known = resolve(system, name) and name not in system.inputs
-        port = None if known else port_of(system, name)
-        if port is None or port.component:
-            found[name if port is None else str(port)] = value
-            continue
-        wires = system.inputs[port.variable].targets
-        found |= {str(w.target): w.factor * value + w.offset for w in wires}
-    return found
 
 
 def _held_out_file(calibration: dict[str, Any] | None) -> list[Path]:

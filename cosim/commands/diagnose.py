@@ -61,7 +61,7 @@ def diagnose(
     """Name what the simulation gets wrong, extend the model, measure the gain on held-out data."""
     from cosim import api
     from cosim.console import emit_json
-    from cosim.report.screen import show
+    from cosim.report.screen import driven_by, show
 
     found = api.diagnose(
         log,
@@ -79,4 +79,4 @@ def diagnose(
     if as_json:
         emit_json(found.to_dict())
     else:
-        show(found.answer, out, verbose)
+        show(found.answer, out, verbose, driven_by(found.answer, log[0], mapping))

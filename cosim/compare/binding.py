@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from cosim.compare.mapping import CompareTable
 from cosim.errors import DataError, UsageError
 from cosim.signals import SIGNALS, conversion
+from cosim.ssp.effects import read_at
 from cosim.ssp.hints import did_you_mean
 from cosim.ssp.system import Port, System, Wire
 from cosim.units import parse_quantity, parse_unit
@@ -177,7 +178,7 @@ def _bound(system: System, signal: str, unit: str | None, text: str, factor: str
         hint = did_you_mean(text, [*system.inputs, *system.outputs, *known])
         raise UsageError(f"'{system.name}' has no '{text}' for the signal '{signal}'{hint}")
     component, _, variable = text.partition(".")
-    port = system.outputs[text] if text in system.outputs else Port(component, variable)
+    port = system.outputs[text] if text in system.outputs else read_at(system, Port(component, variable))
     declared = system.variable(port)
     gain = gain_between(signal, unit or declared.unit, declared.unit, factor)
     if declared.causality == "input":

@@ -25,7 +25,7 @@ from cosim.master.inputs import Series
 from cosim.signals import SIGNALS
 from cosim.ssp.hints import did_you_mean
 from cosim.ssp.read import read_system, resolve, settable_names
-from cosim.ssp.stated import assumed_si, with_units
+from cosim.ssp.stated import assumed_si, constants, variables, with_units
 from cosim.ssp.system import Port, System, Value
 
 Array = NDArray[np.float64]
@@ -40,6 +40,7 @@ class Comparator:
         bindings: what each signal of the model stands for, in the log or not.
         measured: those that the log holds.
         notes: what was done to the log, and what is left out.
+        constants: ``component.variable`` -> what the table says of parameters and of inputs that were not measured.
     """
 
     def __init__(
@@ -66,7 +67,7 @@ class Comparator:
         """
         table = table or CompareTable()
         self.log, self.step, self.notes = on_grid(log, step)
-        self.notes += dict.fromkeys(table.aside.values())
+        self.notes += [*dict.fromkeys(table.aside.values()), *table.notes]
         self.time: Array = np.arange(len(self.log), dtype=np.float64) * self.step
         stamps = self.log.time[0] + self.time
         # the same numbers, unless the step was given: held once
@@ -75,10 +76,16 @@ class Comparator:
         self.system = source if isinstance(source, System) else read_system(source, parameter_set)
         self._owned = None if isinstance(source, System) else self.system
         try:
-            if wrong := with_units(self.system, table.units):
+            wrong = with_units(self.system, table.units)
+            self.constants, more = constants(self.system, table.constant)
+            if wrong := wrong + more:
                 raise DataError("; ".join(wrong))
             self.bindings = bind(self.system, self.log.units, table)
             self.measured = tuple(name for name in self.bindings if name in self.log)
+            driven = {wire.target for name in self.measured for wire in self.bindings[name].wires}
+            for name in table.constant:
+                if driven & set(variables(self.system, name)):
+                    raise DataError(f"constant '{name}': it is measured: leave it out")
             self.notes += self._without_unit(table)
             self.starts = start_values(self.system, table, self.bindings)
             self._check(table.aside)
@@ -142,7 +149,7 @@ class Comparator:
             UsageError: an unknown name.
             SimulationError: an FMU failed.
         """
-        given = dict(parameters or {})
+        given = {**self.constants, **(parameters or {})}
         notes: list[str] = []
         lacking = {name: self.missing(name) for name in self.outputs}
         possible = [name for name, missing in lacking.items() if not missing]
@@ -176,6 +183,7 @@ class Comparator:
     def _assumed(self, given: Mapping[str, Value]) -> list[str]:
         """What to say of inputs that the log does not hold, of FMUs that run without."""
         ports = dict.fromkeys(p for n in self.outputs for p in self._upstream(n, self.command).assumed)
+        ports = {p: None for p in ports if str(p) not in self.constants}
         shown = []
         for port in ports:
             starts = self.system.components[port.component].starts
@@ -300,7 +308,7 @@ class Comparator:
         result = self.runner.run(
             float(self.time[-1]),
             self.step,
-            parameters=self.settings({**self.start_values(), **parameters}),
+            parameters=self.settings({**self.start_values(), **self.constants, **parameters}),
             inputs=inputs,
             hold=hold,
             record=names,

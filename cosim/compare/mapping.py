@@ -21,13 +21,13 @@ import tomllib
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from cosim.errors import DataError
 from cosim.logs.mapping import Mapping
 from cosim.logs.mapping import load_mapping as load_plain
 
-TABLE = "compare"
+TABLE, CONSTANT = "compare", "constant"
 
 
 class _Strict(BaseModel):
@@ -70,6 +70,8 @@ class CompareTable(_Strict):
         units: ``component.variable`` -> the unit in which its FMU counts, where that states none.
         calibrate: what a calibration frees.
         folder: where the mapping file lies.
+        constant: what ``[diagnose]`` says of parameters and of inputs that were not measured; no key of this table.
+        notes: what to say of the file; no key of it.
         aside: signal that stands for nothing in the model although its name is known -> why; no key of the file.
     """
 
@@ -79,6 +81,8 @@ class CompareTable(_Strict):
     units: dict[str, str] = {}
     calibrate: CalibrateTable = CalibrateTable()
     folder: Path = Field(default=Path(), exclude=True)
+    constant: dict[str, FiniteFloat] = Field(default={}, exclude=True)
+    notes: tuple[str, ...] = Field(default=(), exclude=True)
     aside: dict[str, str] = Field(default={}, exclude=True)
 
     @property
@@ -98,11 +102,23 @@ def load_mapping(path: Path) -> tuple[Mapping, CompareTable]:
     except (OSError, ValueError):
         content = {}  # `load_plain` says what is wrong with the file
     table = _table(content.get(TABLE, {}), path)
-    return load_plain(path), table
+    plain = load_plain(path)
+    if not plain.machine and (stated := plain.diagnose.get(CONSTANT)):
+        table = table.model_copy(update={CONSTANT: _constants(stated, path)})
+    return plain, table
+
+
+def _constants(stated: object, path: Path) -> dict[str, float]:
+    try:
+        return CompareTable.model_validate({CONSTANT: stated}).constant
+    except ValidationError as error:
+        raise DataError(
+            f"{path}: {_sentences(error, 'diagnose')}: write a number, in the unit of the FMU"
+        ) from None
 
 
 def _table(content: object, path: Path) -> CompareTable:
-    if not isinstance(content, dict) or {"folder", "aside"} & content.keys():
+    if not isinstance(content, dict) or {"folder", "aside", "notes", CONSTANT} & content.keys():
         raise DataError(
             f"{path}: '{TABLE}' must be a table with the keys parameters, signals, start, units, calibrate"
         )

@@ -71,6 +71,7 @@ class Problem:
         mask: (n + k,) what fits use of all signals behind one another and of the nuisances; the rest is held out.
         failures: what the model said where it could not be run, each once.
         hurried: asked before each run of a fit; where it is true the fit ends with the best so far.
+        missing: name -> (n,) True where nothing was measured and the model gives the measured series; of some names only.
         sparing: within what it gives for some names the model may give the measured series of these in the place of its own.
     """
 
@@ -102,6 +103,7 @@ class Problem:
         self.noise: dict[str, Noise] = {n: Noise(max(least[n], 1e-12) ** 2) for n in self.names}
         self._many = dict.fromkeys(self.names, 1.0)  # samples that count as one
         self.failures: list[str] = []
+        self.missing: dict[str, Mask] = {}
         self.hurried: Callable[[], bool] = lambda: False
         self.sparing: Callable[[Collection[str]], AbstractContextManager[None]] = lambda names: nullcontext()
         self._data = np.concatenate([self.fitted[n] for n in self.names])
@@ -118,6 +120,7 @@ class Problem:
     def independent(self) -> float:
         """How many of the samples that are fitted count as independent, beside the nuisances: the n of a BIC."""
         lost = sum(float(self.fitted[n].sum()) * (1.0 - 1.0 / many) for n, many in self._many.items())
+        lost += sum(float((self.fitted[n] & away).sum()) / self._many[n] for n, away in self.missing.items())
         return float(self.mask.sum()) - lost
 
     def share(self, nuisances: Sequence[Unknown], slopes: Mapping[str, Array]) -> None:
@@ -160,6 +163,8 @@ class Problem:
         """
         for name in self.names:
             rest = residuals[name]
+            if name in self.missing:  # where nothing is left the noise is as elsewhere
+                rest = rest / np.sqrt(max(1.0 - float(self.missing[name].mean()), 1.0 / rest.size))
             table = bands(rest, np.zeros((1, rest.size)), self.least[name])
             noise = learn({name: table}, np.eye(1))[name]
             if name in wrong:

@@ -176,7 +176,9 @@ def _pick_mapped(source: Source, name: str, column: SignalColumn, mapping: Mappi
     plausible = (
         None if column.plausible is None else (column.plausible[0] * factor, column.plausible[1] * factor)
     )
-    if plausible is None and (mapping.of_others or (mapping.machine and name in OF_THE_CRANE)):
+    # where a machine's speed at a command of 1 is stated, that may be a volt
+    by_speed = name == "u" and mapping.machine.get("speed", "?") != "?"
+    if plausible is None and (mapping.of_others or (mapping.machine and (name in OF_THE_CRANE or by_speed))):
         plausible = (-math.inf, math.inf)
     period = None if column.period is None else column.period * factor
     shown = signal.unit if signal else unit

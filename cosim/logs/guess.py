@@ -249,7 +249,7 @@ def guesses(found: Overview, machine: bool = False) -> dict[str, Guess]:
         if axes:
             break
     leading: Column | None = None
-    if machine and len(axes) > 1 and not any(driven & set(_words(c)) for c in axes):
+    if len(axes) > 1 and not any(driven & set(_words(c)) for c in axes):
         axes, leading = paired(axes, [c for c in commands if not c.constant], shown not in AT_ONCE)
     axis = set(_words(axes[0])) if axes else set()
 
@@ -285,7 +285,10 @@ def guesses(found: Overview, machine: bool = False) -> dict[str, Guess]:
         made[signal] = _guess(signal, column, why)
         taken.add(column.index)
     if machine:
-        for signal, column, why in chambers([c for c in free if c.index not in taken], made):
+        other = opposite(made["u"].column, free) if "u" in made else None
+        # which of two commands is the positive one says which chamber is port A, whichever of them this log drives
+        ways = {"u": both_ways(made["u"], other, moved_by(made))} if other else {}
+        for signal, column, why in chambers([c for c in free if c.index not in taken], made | ways):
             made[signal] = _guess(signal, column, why)
             taken.add(column.index)
         if "u" not in made and (driver := driven_by([c for c in free if c.index not in taken], made)):
@@ -399,13 +402,18 @@ def opposite(command: Column, free: list[Column]) -> Column | None:
     return None
 
 
-def both_ways(guess: Guess, other: Column, angle: Column | None) -> Guess:
-    """A command of two columns, one a direction: positive in the direction in which the angle grows."""
-    one = guess.column
+def directed(one: Column, other: Column, angle: Column | None) -> tuple[Column, Column]:
+    """Of the two columns of a command the one in whose direction the angle grows, and the other."""
     if angle is not None and not (one.missing or other.missing or angle.missing):
         way, back = (replace(one, values=sign * (one.values - other.values)) for sign in (1.0, -1.0))
         if following(back, angle, rate=True) > following(way, angle, rate=True):
-            one, other = other, one
+            return other, one
+    return one, other
+
+
+def both_ways(guess: Guess, other: Column, angle: Column | None) -> Guess:
+    """A command of two columns, one a direction: positive in the direction in which the angle grows."""
+    one, other = directed(guess.column, other, angle)
     largest = max((one, other), key=lambda c: float(np.max(np.abs(c.finite))))
     scaled = _guess("u", largest, f"its name ({_called(one)}), and {_called(other)} is the other direction")
     return replace(scaled, column=one, minus=other, check=True)

@@ -13,6 +13,7 @@
 A value is ``sign * gain * (reading - zero) + offset`` in `unit`; with `minus` the reading is the difference of two columns.
 """
 
+import os
 import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -237,11 +238,15 @@ class Mapping(_Strict):
 
     @property
     def model_reference(self) -> str | None:
-        """The model's name, or the absolute path of its file."""
+        """The model's name, or the path of its file: relative where that of the mapping is."""
         if self.model is None or not self.model.lower().endswith((".ssp", ".ssv", ".ssd", ".fmu")):
             return self.model
         folder = self.path.parent if self.path else Path()
-        return str((folder / self.model).resolve())
+        given = folder / self.model
+        short = Path(os.path.normpath(given))
+        return str(
+            short if short.resolve() == given.resolve() else given
+        )  # ".." behind a link leads elsewhere
 
 
 def _convertible(unit: str, target: str | None, prefix: str = "") -> None:
@@ -280,7 +285,7 @@ def load_mapping(path: Path | str) -> Mapping:
     if "path" in content:
         raise DataError(f"{path}: 'path' is not a key of a mapping; known: {', '.join(_keys(Mapping))}")
     try:
-        return Mapping.model_validate({**content, "path": path.resolve()})
+        return Mapping.model_validate({**content, "path": path})
     except ValidationError as error:
         raise DataError(f"{path}: " + "; ".join(_explain(dict(item)) for item in error.errors())) from None
 

@@ -17,10 +17,11 @@ from cosim.lexicon import ELECTRIC_DRIVER
 from cosim.logs import Log, Mapping, listed
 from cosim.machines.flow import set_by_flow
 from cosim.machines.scale import Sizes, scales
-from cosim.machines.table import SCALE_FREE, MachineTable, block_of, machine_table
+from cosim.machines.table import SCALE_FREE, UNKNOWN, MachineTable, block_of, machine_table, without_unit
 from cosim.machines.values import LINEAR, Numbers, inner_signals, numbers
 from cosim.machines.wiring import entry, files, outlet, wires, write_files
 from cosim.paths import build_folder
+from cosim.signals import SIGNALS
 from cosim.ssp.read import read_system
 from cosim.ssp.system import System
 from cosim.units import parse_quantity, parse_unit, same_kind
@@ -114,7 +115,8 @@ def made_for(mapping: Path, log: Log | Sequence[Log] | None = None, folder: Path
     for component in machine.chain:
         if START_PARAMETER in block_of(component).parameters and machine.output not in {START_SIGNAL, *rates}:
             start.setdefault(f"{component}.{START_PARAMETER}", machine.output)
-    table = given.model_copy(update={"signals": signals, "start": start, "aside": aside})
+    told_of = {"aside": aside, "notes": (*without_unit(machine), *beyond_one(machine, logs))}
+    table = given.model_copy(update={"signals": signals, "start": start, **told_of})
     sizes = Sizes.of(machine, told, inner, gains, logs, sample, rates)
     diagnose = completed(
         plain.diagnose, machine, told, inner, sizes, driven_by_pressure(machine, plain, first)
@@ -123,6 +125,18 @@ def made_for(mapping: Path, log: Log | Sequence[Log] | None = None, folder: Path
     if told.from_log and told.lag > 0.0:
         diagnose.setdefault("step", longest_step(logs, told.lag, sample))
     return Made(folder / f"{name}.ssd", table, diagnose, machine, told, sizes)
+
+
+def beyond_one(machine: MachineTable, logs: Sequence[Log]) -> list[str]:
+    """What to say of a command that goes beyond 1 where the file states the speed that a command of 1 brings."""
+    own = [log[machine.input] for log in logs if machine.input == "u" and "u" in log]
+    largest = max((float(np.abs(values).max()) for values in own), default=0.0)
+    if machine.speed in (None, UNKNOWN) or largest <= SIGNALS["u"].high:
+        return []
+    return [
+        f'u goes to {largest:.3g}: speed = "{machine.speed}" is then what a command of 1 brings, and not full command; if '
+        f"it is that of full command, say gain = {1.0 / largest:.3g} of u"
+    ]
 
 
 def unstated_supply(machine: MachineTable, signals: dict[str, Target], log: Log | None) -> dict[str, str]:

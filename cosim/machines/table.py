@@ -55,6 +55,8 @@ PLACE = {
     "rad/s": "rad",
     "rad/s2": "rad/s",
 }
+# SI unit -> one that data sheets have
+COMMON = {"rad/s": "deg/s", "rad": "deg", "m/s": "mm/s", "m": "mm", "m3/s": "l/min", "s": "ms", "Pa": "bar"}
 # what a chain starts and ends with where the mapping's signals leave no choice
 DRIVES, SHOWS = ("u", "torque", "force"), ("slew", "travel", "speed", "flow")
 MOTION_OF = {
@@ -171,6 +173,11 @@ class MachineTable(BaseModel):
         component, _, parameter = name.partition(".")
         return block_of(component).parameters[parameter]
 
+    def unit(self, name: str) -> str:
+        """Unit of ``component.parameter`` on this machine, SI."""
+        variable = self.variable(name)
+        return str(variable.unit if variable.frequency else self.units.get(variable.unit, variable.unit))
+
     def value(self, name: str) -> float | None:
         """A stated parameter, SI; None for one that the log must tell.
 
@@ -180,26 +187,56 @@ class MachineTable(BaseModel):
         text = self.parameters[name]
         if text == UNKNOWN:
             return None
-        return self.quantity(name, str(text), self.variable(name).unit)
+        return self.quantity(name, str(text), self.unit(name))
 
     def motion_quantity(self, name: str, unit: str) -> float | None:
         """Speed or lag, SI; None where the log must tell."""
         text = getattr(self, name)
-        return None if text is None or text == UNKNOWN else self.quantity(name, text, unit)
+        return (
+            None if text is None or text == UNKNOWN else self.quantity(name, text, self.units.get(unit, unit))
+        )
 
     def quantity(self, name: str, text: str, unit: str) -> float:
-        """A text in the machine's own unit as a number in SI.
+        """A text in a unit of the machine as a number in SI.
 
         Raises:
             ValueError: it is no quantity of the right dimension.
         """
-        shown = self.units.get(unit, unit)
         try:
             if unit == "rad/s" and text.strip().lower().endswith("hz"):
                 return HERTZ * parse_quantity(text, "Hz")
-            return parse_quantity(text, shown)
+            return parse_quantity(text, unit)
         except UsageError as error:
             raise ValueError(f"'{name}': {error}") from None
+
+
+def without_unit(machine: MachineTable) -> list[str]:
+    """What to say of quantities that a file states as bare numbers: they are taken in SI, whatever was meant."""
+    stated: dict[str, tuple[str | float | None, str]] = {
+        "speed": (machine.speed, machine.units.get("rad/s", "rad/s")),
+        "lag": (machine.lag, "s"),
+    }
+    stated |= {n: (text, machine.unit(n)) for n, text in machine.parameters.items()}
+    bare = [
+        (name, f"{float(text):g}", unit)
+        for name, (text, unit) in stated.items()
+        if text not in (None, UNKNOWN) and unit not in ("", "1") and is_number(str(text))
+    ]
+    if not (bare := [item for item in bare if float(item[1]) != 0.0]):
+        return []
+    taken = ", ".join(f"{name} = {text} as {text} {unit}" for name, text, unit in bare)
+    name, text, unit = bare[0]
+    return [f'[machine]: a number without a unit is taken in SI: {taken}; write the unit, such as {name} = '
+            f'"{text} {COMMON.get(unit, unit)}"']  # fmt: skip
+
+
+def is_number(text: str) -> bool:
+    """Whether a text is a number and nothing else."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def block_of(component: str) -> Any:

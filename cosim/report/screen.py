@@ -8,6 +8,7 @@ from pathlib import Path
 
 from cosim.console import stdout_console, table, typed
 from cosim.diagnosis.answer.schema import ITSELF, ONE_WAY, Answer, NamedCause, Parameter
+from cosim.errors import CosimError
 from cosim.lexicon import speaking
 from cosim.report.drive import SLOPE, by_side
 from cosim.report.folder import lexicon_of
@@ -34,6 +35,7 @@ from cosim.report.words import (
     without_tracker,
     words_of,
 )
+from cosim.ssp.read import read_system
 
 REPORT = "report.html"
 MOST_FITTED = 6  # parameters in a line
@@ -51,29 +53,30 @@ def in_words(text: str) -> str:
     return with_signals(_WORD.sub(lambda found: known_as(found[0]), text))
 
 
-def show(result: Answer, out: Path, verbose: bool = False) -> None:
+def show(result: Answer, out: Path, verbose: bool = False, driven: str = "") -> None:
     """Print the answer for people.
 
     Args:
         result: the diagnosis.
         out: its folder.
         verbose: the tables too, before the answer.
+        driven: options of `cosim simulate` with which the log drives the extended model, a blank before each.
     """
     output = stdout_console()
     if verbose:
         for found in tables(result):
             output.print(found)
-    for line in lines(result, out):
+    for line in lines(result, out, driven):
         output.print(line, markup=False, soft_wrap=True)
 
 
-def lines(result: Answer, out: Path) -> list[str]:
+def lines(result: Answer, out: Path, driven: str = "") -> list[str]:
     """The answer, a line for each question: what is wrong, how sure, how much better, where the report is, what next."""
     with speaking(lexicon_of(result)):
-        return _lines(result, out)
+        return _lines(result, out, driven)
 
 
-def _lines(result: Answer, out: Path) -> list[str]:
+def _lines(result: Answer, out: Path, driven: str) -> list[str]:
     kind = "synthetic log" if result.synthetic else "measured log"
     head = f"verdict: {result.verdict.replace('_', ' ')} ({kind}, model {result.model})"
     told = [
@@ -91,7 +94,7 @@ def _lines(result: Answer, out: Path) -> list[str]:
         told.append(f"Report: {out / REPORT}")
     else:
         told.append(f"Results: {out / 'diagnosis.json'}")
-    told.append(f"Next: {next_step(result, out)}")
+    told.append(f"Next: {next_step(result, out, driven)}")
     return told
 
 
@@ -266,8 +269,8 @@ def not_judged(result: Answer) -> Iterator[str]:
         yield f"Not judged: {'; '.join(found)}"
 
 
-def next_step(result: Answer, out: Path) -> str:
-    """What to do next, as a sentence."""
+def next_step(result: Answer, out: Path, driven: str = "") -> str:
+    """What to do next, as a sentence; `driven` as in `show`."""
     if result.data:
         return "correct the label (in the header or a mapping) and diagnose again"
     if result.verdict == "interrupted":
@@ -285,11 +288,11 @@ def next_step(result: Answer, out: Path) -> str:
     if result.verdict == "adequate":
         return "use the model as it is"
     if result.extended is not None and result.extended.in_place and not result.advice:
-        return f"cosim simulate {typed(result.extended.ssp)} runs the linear model"
+        return f"cosim simulate {typed(result.extended.ssp)}{driven} runs the linear model"
     if result.advice and not result.causes:
         return "correct the mapping or record again as noted, and diagnose again"
     if result.extended is not None and result.causes:
-        return f"cosim simulate {typed(result.extended.ssp)} runs the extended model"
+        return f"cosim simulate {typed(result.extended.ssp)}{driven} runs the extended model"
     # of a machine that is not the crane nobody has a tracker: another sensor of its motion shows as much
     helpful = [
         line
@@ -301,6 +304,19 @@ def next_step(result: Answer, out: Path) -> str:
     return (
         f"look at what is left over in {out / REPORT}; a longer log, or one with more signals, may tell more"
     )
+
+
+def driven_by(result: Answer, log: Path, mapping: Path | None) -> str:
+    """Options with which a log drives the extended model; none where it has no inputs, as one that holds its stimulus."""
+    if result.extended is None or result.interrupted:
+        return ""
+    try:
+        with read_system(Path(result.extended.ssp)) as system:
+            if not system.inputs:
+                return ""
+    except CosimError:  # it was not written, which a warning says
+        return ""
+    return f" --input {typed(log)}" + (f" --mapping {typed(mapping)}" if mapping is not None else "")
 
 
 def sentence(text: str) -> str:

@@ -18,11 +18,12 @@ from lxml import etree
 from cosim.errors import ModelError, UsageError
 from cosim.ssp.archive import Budget, open_archive, read_entry, scratch_folder
 from cosim.ssp.connect import connect
+from cosim.ssp.effects import with_all_units
 from cosim.ssp.flatten import flatten
 from cosim.ssp.fmu import load_fmu
 from cosim.ssp.hints import did_you_mean
 from cosim.ssp.parameters import ParameterValue, bindings, fitted, local_source
-from cosim.ssp.system import NUMERIC, Component, Fmu, Port, System, SystemInput, Value, Wire
+from cosim.ssp.system import FOUND, NUMERIC, Component, Fmu, Port, System, SystemInput, Value, Wire
 from cosim.ssp.xml import IN_SSD, number, parse
 from cosim.trust import is_ours
 
@@ -149,6 +150,7 @@ class _Reader:
         self.notes: list[str] = []
         self.fmus: dict[str, Fmu] = {}
         self.set_names: set[str] = set()
+        self.found: set[str] = set()
 
     def read(self) -> System:
         root = parse(read_entry(self.archive, DESCRIPTION, str(self.path)), DESCRIPTION)
@@ -171,7 +173,13 @@ class _Reader:
         connected = connect(node, components, self.problems, self.notes)
         self.stop_if_bad()
         system = System(
-            node.get("name", ""), self.path, components, *connected, notes=self.notes, folder=self.folder
+            node.get("name", ""),
+            self.path,
+            components,
+            *connected,
+            found=self.found,
+            notes=self.notes,
+            folder=self.folder,
         )
         self.apply_system_values(node, system)
         self.check_set_name()
@@ -183,6 +191,7 @@ class _Reader:
             system.start_time = number(experiment, "startTime", what)
             system.stop_time = number(experiment, "stopTime", what)
         self.note_open_inputs(system)
+        with_all_units(system)
         return system
 
     def stop_if_bad(self) -> None:
@@ -238,6 +247,7 @@ class _Reader:
         for value in self.chosen(bindings(element, self.archive, archive, f"component '{name}'")):
             if value.name in fmu.variables:
                 starts[value.name] = fitted(value, fmu.variables[value.name], fmu, f"component '{name}'")
+                self.found |= {f"{name}.{value.name}"} if value.set_name == FOUND else set()
             else:
                 self.ignored(value, f"component '{name}'", list(fmu.variables))
         return Component(name, fmu, starts)

@@ -154,6 +154,9 @@ class Wire:
         return f"{self.source} -> {self.target}"
 
 
+FOUND = "diagnosis"  # name of a parameter set with the numbers that a diagnosis has found
+
+
 @dataclass(frozen=True)
 class SystemInput:
     """An input connector of the system and the component inputs it feeds (the source of each wire is the system)."""
@@ -175,6 +178,7 @@ class System:
         inputs: input connectors of the system by name.
         outputs: output connectors of the system: name -> the component's variable behind it.
         parameters: parameter connectors of the system: name -> the components' variables behind it.
+        found: ``component.variable`` of numbers that a diagnosis has put into an extended model.
         notes: what the user should know, such as inputs that are not connected.
         start_time, stop_time: default experiment [s], or None.
     """
@@ -186,6 +190,7 @@ class System:
     inputs: dict[str, SystemInput] = field(default_factory=dict)
     outputs: dict[str, Port] = field(default_factory=dict)
     parameters: dict[str, tuple[Port, ...]] = field(default_factory=dict)
+    found: set[str] = field(default_factory=set)
     notes: list[str] = field(default_factory=list)
     start_time: float | None = None
     stop_time: float | None = None

@@ -9,6 +9,7 @@ from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 from cosim.errors import DataError
+from cosim.ssp.effects import read_at
 from cosim.ssp.hints import did_you_mean
 from cosim.ssp.system import NUMERIC, Port, System, Wire
 
@@ -69,7 +70,16 @@ class CutGroup:
 
 
 def port_of(system: System, name: str) -> Port:
-    """The port that a column stands for: ``component.connector``, a connector of the system, or of the only component.
+    """Where what a column stands for is read: at the port called so, or beyond the effects of an extended model there.
+
+    Raises:
+        DataError: there is none, or it holds no number.
+    """
+    return read_at(system, port_called(system, name))
+
+
+def port_called(system: System, name: str) -> Port:
+    """The port that is called ``component.connector``, or like a connector of the system or of the only component.
 
     Inputs of the system give a port without component.
 

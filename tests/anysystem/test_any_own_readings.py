@@ -13,8 +13,9 @@ from benchmarks.systems.truth import Hidden
 from cosim.anysystem.actions import Action
 from cosim.anysystem.search import Candidate, Search
 from cosim.diagnosis.budget import Budget
+from cosim.inference.held_out import HeldOutGain
 from cosim.inference.noise import Noise
-from cosim.inference.problem import Problem
+from cosim.inference.problem import Fit, Problem
 from cosim.inference.unknowns import Unknown
 from cosim.ssp.system import Port
 
@@ -113,7 +114,10 @@ def test_an_estimate_that_a_switch_within_a_component_holds_is_left_for_a_better
     search.by_log = ()
     search.model = SimpleNamespace(  # type: ignore[assignment]
         group=SimpleNamespace(judged=(("tank.y", Port("tank", "y")),)),
-        segments=[SimpleNamespace(signals={"tank.y": measured})],
+        segments=[
+            SimpleNamespace(signals={"tank.y": measured}, known=lambda _: np.ones(1500, dtype=np.bool_))
+        ],
+        known=lambda _: np.ones(1500, dtype=np.bool_),
         judging=lambda _: [0],
         places=lambda signal: [f"{signal}#0"],
         whole=lambda series, signal: series[f"{signal}#0"],
@@ -136,3 +140,46 @@ def test_what_others_say_of_a_reading_holds_for_each_group_that_it_drives(tmp_pa
     fmus = {kind: parts.native(kind, tmp_path) for kind in set(case.kinds.values())}
     found, _, _ = run(case, fmus, tmp_path)
     assert score(case, found)["exact"], [told(c) for c in found.causes]
+
+
+def test_what_is_held_against_a_cause_has_the_nuisances_that_are_now() -> None:
+    """Asked again, the nuisances may be others, and more: the two hypotheses could not be compared (exit code 4)."""
+    rng = np.random.default_rng(3)
+    ramp, windows = np.linspace(0.0, 1.0, 300), np.arange(300) // 30
+    problem = Problem(
+        {"a.y#0": ramp + 0.01 * rng.standard_normal(300)},
+        {"a.y#0": windows < 7},
+        {"a.y#0": windows},
+        lambda values: {"a.y#0": values.get("parameter|a.K", 0.9) * ramp},
+        {"a.y#0": 1e-3},
+    )
+
+    def shared(count: int) -> None:
+        own = [Unknown(f"shift:{k}", -1.0, 1.0, 1.0, 0.01) for k in range(count)]
+        problem.share(own, {"a.y#0": np.stack([np.sin((k + 2) * ramp) for k in range(count)])})
+
+    search = Search.__new__(Search)
+    search.problem, search.steady, search.budget = problem, False, Budget()
+    action = Action("parameter", Port("a", "K"))
+    best, poorer = (
+        Candidate(actions, Fit(values, np.zeros((0, 0)), (), np.zeros(0), 0.0), 0.0)
+        for actions, values in (((action,), {"parameter|a.K": 1.0}), ((), {}))
+    )
+    search._price = lambda actions: 0.0  # type: ignore[method-assign, assignment]
+    search._other_log = lambda: True  # type: ignore[method-assign]
+    search._fit = lambda *asked: None  # type: ignore[method-assign, assignment]
+    shared(3)
+    search._scored(best)
+    search._without = lambda *asked: poorer  # type: ignore[method-assign, assignment]
+    problem.held_out = lambda richer, poorer: HeldOutGain(1.0, 5.0)  # type: ignore[method-assign]
+
+    def settled(candidate: Candidate) -> None:
+        shared(3 if search.steady else 4)
+        search._scored(candidate)
+
+    search._settle = settled  # type: ignore[method-assign]
+    found, judged = search._held_out(best, poorer)
+    assert not judged[action][1].sure
+    rows = [c.fit.rows for c in (found, judged[action][0])]
+    assert [r.size for r in rows] == [304, 304]
+    assert np.isfinite([problem.pull(r) for r in rows]).all()

@@ -2,11 +2,15 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from benchmarks.systems import parts
+from cosim.anysystem.pipeline import far_off
+from cosim.inference.problem import Problem
+from cosim.inference.unknowns import Unknown
 
 N, H = 1500, 0.01
 
@@ -41,6 +45,29 @@ def test_what_silences_a_model_that_has_nothing_to_do_with_the_log_is_no_cause(
     said = " ".join(r["why"] for r in found["refused"])
     assert "no more of the log than a constant" in said or "may be zero" in said
     assert any("check units, signs" in w for w in found["warnings"])
+
+
+def test_how_far_a_model_is_off_is_told_of_its_own_run() -> None:
+    """What a nuisance takes out of an error, such as a trusted number within its tolerance, no simulation takes out."""
+    ramp = np.linspace(0.0, 1.0, 100)
+    problem = Problem(
+        {"a.y#0": ramp},
+        {"a.y#0": np.ones(100, dtype=np.bool_)},
+        {"a.y#0": np.zeros(100, dtype=np.int64)},
+        lambda values: {"a.y#0": 9.0 * ramp},
+        {"a.y#0": 1e-3},
+    )
+    problem.share([Unknown("parameter|a.K", -np.inf, np.inf, 1.0, 100.0)], {"a.y#0": ramp[None, :]})
+    finding = SimpleNamespace(
+        problem=problem,
+        null=SimpleNamespace(fit=SimpleNamespace(values={})),
+        model=SimpleNamespace(whole=lambda series, signal: series[f"{signal}#0"]),
+        spreads={"a.y": float(np.std(ramp))},
+        unexplained={"a.y": "far off"},
+    )
+    (said,) = far_off(finding)  # type: ignore[arg-type]
+    size = float(said.partition("errs ")[2].split()[0])
+    assert size == pytest.approx(8.0 * np.sqrt(np.mean(ramp**2)) / np.std(ramp), rel=0.05)
 
 
 @pytest.mark.skipif(parts.COMPILER is None, reason="no C compiler")

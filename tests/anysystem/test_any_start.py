@@ -1,9 +1,13 @@
 """`cosim init`, what the graph alone can tell apart, and how the system is cut."""
 
 import json
+import subprocess
+import sys
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import systems
 
@@ -182,3 +186,49 @@ def test_info_shows_the_connectors_of_a_package_and_what_they_are_joined_with(na
     assert "kind: ssp" not in said
     assert f"Next: cosim simulate {native} --input LOG runs it; cosim init {native} LOG " in said
     assert "kind: ssp" in command("info", native, "--verbose")[1]
+
+
+BOOM = """
+from pythonfmu import Fmi2Causality, Fmi2Slave, Real
+
+
+class Boom(Fmi2Slave):
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.boom_duty, self.boom_ang = 0.0, 0.0
+        self.register_variable(Real("boom_duty", causality=Fmi2Causality.input, description="command [%]"))
+        self.register_variable(Real("boom_ang", causality=Fmi2Causality.output, description="angle [deg]"))
+
+    def do_step(self, t, step):
+        self.boom_ang += 0.2 * step * self.boom_duty
+        return True
+"""
+
+
+def test_a_command_of_two_columns_is_their_difference_and_descriptions_tell_units(
+    command, tmp_path: Path
+) -> None:
+    """The column of one direction was taken alone: of a log of the other the model heard nothing."""
+    (tmp_path / "Boom.py").write_text(BOOM)
+    build = [sys.executable, "-m", "pythonfmu", "build", "-f", "Boom.py", "-d", ".", "--no-external-tool"]
+    subprocess.run(build, check=True, cwd=tmp_path, capture_output=True)
+    t = 0.02 * np.arange(500)
+    down = 50.0 * ((t > 1.0) & (t < 4.0))
+    angle = -0.2 * 0.02 * np.concatenate([[0.0], np.cumsum(down)[:-1]])
+    log, mapping = tmp_path / "log.csv", tmp_path / "m.toml"
+    table = np.column_stack([t, 0.0 * t, down, angle])
+    np.savetxt(
+        log, table, "%.6g", delimiter=",", header="time,Boom_up_duty,Boom_dn_duty,Boom_ang", comments=""
+    )
+    code, out, err = command("init", tmp_path / "Boom.fmu", log, "--out", mapping)
+    assert code == 0, err
+    assert "Boom_up_duty minus Boom_dn_duty -> boom_duty" in " ".join(out.split())
+    found = tomllib.loads(mapping.read_text(encoding="utf-8"))
+    assert found["signals"]["boom_duty"]["minus"] == "Boom_dn_duty"
+    assert found["signals"]["boom_duty"]["held"]
+    assert found["compare"]["units"] == {"boom_duty": "%", "Boom.boom_ang": "deg"}
+    code, out, err = command("compare", log, "--mapping", mapping, "--json")
+    assert code == 0, err
+    shown = json.loads(out)["signals"]["Boom.boom_ang"]
+    assert shown["unit"] == "deg"
+    assert shown["rmse"] < 0.01

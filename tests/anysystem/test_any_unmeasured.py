@@ -113,7 +113,7 @@ def test_a_comparison_and_a_run_take_what_a_diagnosis_takes(command, tmp_path: P
         assert code == 0, err
         found = json.loads(out)
         assert not found["not_judged"]
-        assert any("assumed: inputs that were not measured" in n for n in found["notes"])
+        assert any("assumed: inputs that were not measured" in n for n in found["notes"]) == (not more)
         errors.append(found["signals"]["part_sum.y"]["rmse"])
     assert errors[0] > 0.5
     assert errors[1] < 0.005  # the noise of the reading

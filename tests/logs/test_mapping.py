@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -209,6 +210,18 @@ def test_select_with_a_mapping(foreign, write):
 def test_a_model_file_is_found_beside_the_mapping(write, tmp_path):
     mapping = load_mapping(write(PLAIN.replace('"simplified"', '"own/crane.ssp"'), "map.toml"))
     assert mapping.model_reference == str(tmp_path / "own" / "crane.ssp")
+
+
+def test_a_model_file_beside_a_mapping_is_called_as_the_user_calls_the_mapping(
+    write, tmp_path, monkeypatch: pytest.MonkeyPatch
+):
+    """The report of a colleague's folder showed where it lay on this computer."""
+    write(PLAIN.replace('"simplified"', '"../own/crane.fmu"'), "map.toml").rename(tmp_path / "map.toml")
+    (tmp_path / "logs").mkdir()
+    (tmp_path / "map.toml").rename(tmp_path / "logs" / "map.toml")
+    monkeypatch.chdir(tmp_path)
+    for given in (Path("logs", "map.toml"), Path("logs") / ".." / "logs" / "map.toml"):
+        assert load_mapping(given).model_reference == str(Path("own", "crane.fmu"))
 
 
 def test_a_missing_mapping(tmp_path):

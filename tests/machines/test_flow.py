@@ -150,6 +150,48 @@ def test_the_chambers_of_the_axis_are_found_by_side_and_direction(tmp_path):
     assert made["p_a"].check
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0], ids=["up", "down"])
+def test_port_a_is_the_same_in_logs_of_either_direction(tmp_path: Path, sign: float) -> None:
+    """A mapping made of a log in which the boom is lowered had the chambers the other way round than its command."""
+    t = STEP * np.arange(600)
+    u = 70.0 * (t > 1.0)
+    angle = sign * np.cumsum(lagged(u, 0.2)) * STEP / 10.0
+    columns = {
+        "time": t,
+        "Boom_dn_duty": u if sign < 0.0 else 0.0 * u,
+        "Boom_up_duty": u if sign > 0.0 else 0.0 * u,
+        "Boom_DnR_Cyl_P": 20.0 - sign * 0.2 * u,
+        "Boom_UpH_Cyl_P": 40.0 + sign * 0.3 * u,
+        "Boom_ang": angle,
+    }
+    file = tmp_path / "stand.csv"
+    table = np.column_stack(list(columns.values()))
+    np.savetxt(file, table, delimiter=",", header=",".join(columns), comments="")
+    made = guesses(overview(file), machine=True)
+    assert made["u"].column.label.text == "Boom_up_duty"
+    assert made["u"].minus is not None
+    assert made["p_a"].column.label.text == "Boom_UpH_Cyl_P"
+
+
+def test_one_axis_of_several_is_taken_for_any_machine(tmp_path: Path) -> None:
+    """`cosim info` took the largest motion and the first command, `cosim init --machine` two that go together."""
+    rng = np.random.default_rng(6)
+    one, two = (np.repeat(rng.uniform(-1.0, 1.0, 60), 50) for _ in range(2))
+    t = STEP * np.arange(one.size)
+    drift = 300.0 * np.sin(t / 20.0)  # an angle that nothing logged moves is the largest
+    columns = {"time [s]": t, "valve 1 [%]": 100.0 * one, "valve 2 [%]": 100.0 * two,
+               "angle left [deg]": drift, "angle right [deg]": np.cumsum(lagged(two, 0.1)) * STEP * 20.0}  # fmt: skip
+    file = tmp_path / "two.csv"
+    table = np.column_stack(list(columns.values()))
+    np.savetxt(file, table, delimiter=",", header=",".join(columns), comments="")
+    for machine in (True, False):
+        made = guesses(overview(file), machine=machine)
+        assert {s: made[s].column.label.short for s in ("u", "slew")} == {
+            "u": "valve 2",
+            "slew": "angle right",
+        }
+
+
 @pytest.mark.parametrize(
     ("a", "b"),
     [

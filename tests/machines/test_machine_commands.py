@@ -74,6 +74,37 @@ def test_compare_and_simulate_make_it_by_themselves(capsys, files):
     assert json.loads(out)["model"] == "small_drive"
 
 
+def test_each_command_says_that_a_number_has_no_unit(capsys, files):
+    mapping, log = files
+    mapping.write_text(MACHINE + 'speed = "0.6"\nlag = "300 ms"\n')
+    said = "speed = 0.6 as 0.6 rad/s; write the unit"
+    code, out, _ = run(capsys, "compare", log, "--mapping", mapping, "--json")
+    assert code == 0
+    assert any(said in note for note in json.loads(out)["notes"])
+    code, _, err = run(capsys, "simulate", mapping, "--input", log)
+    assert (code, said in " ".join(err.split())) == (0, True)
+
+
+@pytest.mark.parametrize("travels", [False, True], ids=["turns", "travels"])
+def test_a_simulation_begins_where_the_mapping_says(capsys, files, tmp_path, travels):
+    mapping, log = files
+    header, *rows = log.read_text().splitlines()
+    place = header.lstrip("# ").split(",").index("angle")
+    table = np.array([[float(v) for v in row.split(",")] for row in rows])
+    table[:, place] += 0.7
+    np.savetxt(log, table, "%.9g", ",", header=header, comments="")
+    text = MACHINE + 'speed = "?"\nlag = "?"\n'
+    if travels:
+        text = text.replace("slew = ", "travel = ").replace('"rad"', '"m"')
+    shown = "travel" if travels else "slew"
+    mapping.write_text(text + f'[compare.start]\n"simplified.theta_0" = "{shown}"\n')
+    code, _, err = run(capsys, "simulate", mapping, "--input", log, "--si", "--out", tmp_path / "run.csv")
+    assert code == 0, err
+    found = pd.read_csv(tmp_path / "run.csv", comment="#")
+    (name,) = [n for n in found if n.startswith("simplified.theta")]
+    assert found[name].iloc[0] == pytest.approx(table[0, place], abs=0.02)
+
+
 def test_a_travel_is_compared_with_a_package_of_its_machine(capsys, files, tmp_path):
     """Such as the extended model of a diagnosis, whose connectors have the blocks' units."""
     mapping, log = files

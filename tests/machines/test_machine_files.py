@@ -15,6 +15,7 @@ from cosim.diagnosis.pipeline import diagnose as steps
 from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.diagnosis.thresholds import GUESSED_TRUST, NOMINAL_TRUST
 from cosim.errors import DataError, UsageError
+from cosim.lexicon import Lexicon
 from cosim.logs import load_log
 from cosim.machines import made_for, write_machine
 from cosim.machines.rough import first_order
@@ -43,6 +44,61 @@ input = "force"
 output = "position"
 motion = "travel"
 """
+
+
+@pytest.mark.parametrize(
+    ("stated", "told"),
+    [
+        (
+            'speed = "30"\nlag = "150 ms"\n',
+            'speed = 30 as 30 rad/s; write the unit, such as speed = "30 deg/s"',
+        ),
+        (
+            'speed = "30 deg/s"\nlag = "0.2"\n[machine.parameters]\n"dcv.w0" = 40\n"mechanical.tau_c" = 0\n',
+            'lag = 0.2 as 0.2 s, dcv.w0 = 40 as 40 rad/s; write the unit, such as lag = "0.2 ms"',
+        ),
+        ('speed = "30 deg/s"\nlag = "150 ms"\n', ""),
+    ],
+)
+def test_a_number_without_a_unit_is_told(tmp_path: Path, stated: str, told: str) -> None:
+    """30 was taken as 30 rad/s, without a word."""
+    mapping = tmp_path / "machine.toml"
+    mapping.write_text(DRIVE + stated, encoding="utf-8")
+    notes = made_for(mapping, folder=tmp_path / "made").table.notes
+    assert bool(notes) == bool(told)
+    assert all(note.startswith("[machine]: a number without a unit is taken in SI: ") for note in notes)
+    assert all(told in note for note in notes)
+
+
+def test_a_natural_frequency_is_one_on_a_travelling_axis_too(tmp_path: Path) -> None:
+    """ "40 rad/s" was refused there for m/s, and shown in m/s."""
+    mapping = tmp_path / "machine.toml"
+    text = DRIVE.replace('"rad"', '"mm"').replace("slew", "travel")
+    mapping.write_text(text + 'speed = "0.2 m/s"\nlag = "0.1 s"\nparameters = { "dcv.w0" = "40 rad/s" }\n')
+    made = made_for(mapping, folder=tmp_path / "made")
+    assert (made.numbers.values["dcv.w0"], made.machine.unit("dcv.w0")) == (40.0, "rad/s")
+    assert made.machine.unit("mechanical.omega_v") == "m/s"
+    lexicon = Lexicon(units=made.machine.units)
+    assert [lexicon.parameter(made.machine.variable(n))[0] for n in ("dcv.w0", "mechanical.omega_v")] == [
+        "rad/s",
+        "m/s",
+    ]
+
+
+@pytest.mark.parametrize("speed", ["0.08 rad/s", "?"])
+def test_a_command_in_volts_is_one_where_its_speed_is_stated(tmp_path: Path, speed: str) -> None:
+    """It was called implausible, with a remedy that made the stated speed wrong."""
+    drive = np.repeat(np.random.default_rng(2).uniform(-8.0, 8.0, 40), 50)
+    columns = {"t": STEP * np.arange(drive.size), "duty": drive, "angle": moved(drive, 0.08, 0.15)}
+    text = DRIVE.replace(", zero = 50.0, gain = 0.02", "") + f'speed = "{speed}"\nlag = "0.15 s"\n'
+    mapping, file = written(tmp_path, text, columns)
+    log = load_log(file, mapping)
+    warned = any("plausible are -1.05 to 1.05" in w for w in log.warnings)
+    notes = made_for(mapping, log, tmp_path / "made").table.notes
+    assert warned == (speed == "?")
+    assert any("is then what a command of 1 brings, and not full command" in n for n in notes) == (
+        speed != "?"
+    )
 
 
 def moved(drive, gain, lag):

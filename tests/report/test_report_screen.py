@@ -186,6 +186,10 @@ def test_the_place_of_a_cause_in_any_system():
         "high = 0.3000, 0.2980 to 0.3020 (95 %)"
     )
     assert told[-1] == "Next: cosim simulate results/extended.ssp runs the extended model"
+    told = lines(
+        empty_answer(causes=[cause], extended=Packages(ssp="x/e.ssp", ssv="x")), OUT, " --input log.csv"
+    )
+    assert told[-1] == "Next: cosim simulate x/e.ssp --input log.csv runs the extended model"
 
 
 def test_no_cause_is_told_where_none_was_named():

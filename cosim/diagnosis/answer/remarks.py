@@ -37,7 +37,7 @@ def shown(signal: str) -> tuple[str, float]:
 def notes(diagnosis: Diagnosis, logs: Sequence[Log]) -> list[str]:
     """What the user should know of how the logs were taken, and laid one behind the other."""
     log, grid = logs[0], diagnosis.record.grid
-    found = list(dict.fromkeys(diagnosis.machine.aside.values()))
+    found = [*dict.fromkeys(diagnosis.machine.aside.values()), *diagnosis.machine.notes]
     found += behind_one_another(diagnosis, logs, grid) if isinstance(grid, Pieces) else []
     if log.time_unit != "s":
         found.append(

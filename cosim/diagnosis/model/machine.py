@@ -36,6 +36,7 @@ class Machine:
         lexicon: units and words for people.
         mapping: with which its logs are read.
         aside: signal that counts as not measured -> why.
+        notes: what to say of its file.
     """
 
     name: str
@@ -48,6 +49,7 @@ class Machine:
     lexicon: Lexicon = field(default_factory=Lexicon)
     mapping: LogMapping | None = None
     aside: dict[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     @property
     def drive(self) -> str:
@@ -135,9 +137,10 @@ def machine_for(
         for group in cut(wiring, signals, start_values(wiring, table, signals), trusted)
     ]
     lexicon = Lexicon(shown_signals(log, mapping, signals), dict(options.units), dict(options.blocks))
-    return Machine(
+    machine = Machine(
         wiring.name, wiring, path, tuple(groups), signals, values, options, lexicon, mapping, table.aside
     )
+    return replace(machine, notes=table.notes)
 
 
 def shown_signals(log: Log, mapping: LogMapping, signals: Mapping[str, Bound]) -> dict[str, Shown]:
