@@ -12,9 +12,12 @@ from types import ModuleType, SimpleNamespace
 import numpy as np
 import pytest
 
-from benchmarks import ablation, real_logs, third_log
+from benchmarks import ablation, real_logs, rounding, third_log
 from benchmarks.rules import RULES, STAYS, Rule, empty, first, yes
+from cosim.diagnosis.model.machine import our_machine
+from cosim.diagnosis.pipeline import diagnose
 from cosim.diagnosis.residuals.local import NO_EVENT
+from cosim.logs import load_log
 
 FOLDER = Path(__file__).resolve().parents[1] / "benchmarks"
 
@@ -360,3 +363,40 @@ def test_the_sample_takes_each_kind_of_log_in_turn():
         number = int(case.partition(":")[2])
         hidden = ablation.draw(number).hidden if source == "second" else drawn[number].hidden
         assert valve in hidden
+
+
+def test_names_and_errors_of_shaken_logs_stand_beside_one_another():
+    def row(fit, after, *names):
+        return real_logs.Row(
+            "m", "boom", [fit], ["b.csv"], unit="deg", after=after, causes={n: {} for n in names}
+        )
+
+    rows = [
+        (1, row("a.csv", 2.2, "mechanical.end_stop", "dead_zone.mismatch")),
+        (0, row("a.csv", 2.0, "dead_zone.mismatch", "mechanical.end_stop")),
+        (0, row("c.csv", 3.0)),
+        (1, row("c.csv", 6.0, "dcv.delay")),
+    ]
+    first, second, all_of_them = rounding.summary(rows)
+    assert first.startswith("boom: a -> b")
+    assert first.endswith("2 2.2 deg  end_stop mismatch")
+    assert second.endswith("3 6 deg  none | delay")
+    assert all_of_them == (
+        "1 of 2 with the same names each time; largest error over smallest: 1.550 in the median, 2.000 at most"
+    )
+
+
+def test_a_shaken_log_differs_below_any_sensors_digit(monkeypatch, tmp_path):
+    file = Path(real_logs.TOP, "examples", "synthetic_demo.csv")
+    machine, log, prepare = our_machine("full_order"), load_log(file), diagnose.prepare
+    plain = prepare(log, machine).signals["slew"]
+    found = []
+    monkeypatch.setattr(
+        "cosim.cli.main", lambda: found.append(diagnose.prepare(log, machine).signals["slew"])
+    )
+    for seed in (0, 3):
+        monkeypatch.setattr(diagnose, "prepare", prepare)
+        monkeypatch.setattr(sys, "argv", [])
+        rounding.shaken_cosim(seed, ["diagnose"])
+    assert np.array_equal(found[0], plain)
+    assert 0.0 < np.max(np.abs(found[1] / plain - 1.0)) < 6e-12

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, least_squares
 
-from cosim.compare.metrics import noise_floor
 from cosim.correlation import correlations
 from cosim.diagnosis.budget import current
 from cosim.diagnosis.fitting.coordinates import Coordinates
@@ -26,9 +25,7 @@ T = TypeVar("T")
 ABSURD = 1e9  # SI; stands for a residual that is no number
 AT_ONCE = 1_000_000  # samples of residuals that are kept to be whitened together: 8 MB
 SLOPE_STEP = 2e-3  # of a scale, over which slopes are differenced
-MOST_ROUNDS = 30  # of a search that does not settle
-LEVENBERG = 1e-2  # damping of a step, per scale of each unknown: nothing beside a reading that tells of it
-ON_BOUND = 1e-8  # scales: an unknown that ends so near a bound has met it
+START_STEP = 1e-3  # of a scale, in which searches begin
 FAR_OFF = 1e3  # scales: an unknown that begins farther from 0 is counted from where it begins
 
 
@@ -117,7 +114,6 @@ class Task:
         late: standard deviation of the timing of observed signals against the drive, s; its discrepancy is the first row.
         steps: signal -> step of its readings where that is coarser than their noise, SI.
         lost: signal -> (n,) True where its sample is stale: there its residual lies on a straight line, not its reading.
-        floors: signal -> noise of its samples, SI, once known (`floor`).
     """
 
     model: GroupModel
@@ -129,13 +125,6 @@ class Task:
     late: float = 0.0
     steps: Mapping[str, float] = field(default_factory=dict)
     lost: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
-    floors: dict[str, float] = field(default_factory=dict, repr=False)
-
-    def floor(self, signal: str) -> float:
-        """Noise of a measured signal's samples, SI, whatever the model."""
-        if signal not in self.floors:
-            self.floors[signal] = noise_floor(self.measured[signal], self.model.h)
-        return self.floors[signal]
 
     def retime(self, predicted: Mapping[str, Array], time: Array) -> None:
         """Take the discrepancy of the timing from what is predicted now, signal -> (n,) SI, at these times (n,), s."""
@@ -226,7 +215,7 @@ def fit(
     task: Task,
     unknowns: list[Unknown],
     fixed: Mapping[str, float] | None = None,
-    rounds: int = MOST_ROUNDS,
+    rounds: int = 12,
     quick: bool = False,
 ) -> Fit:
     """Maximum a posteriori estimate from the unknowns' starts, with intervals from the curvature.
@@ -241,7 +230,7 @@ def fit(
     """
     base = dict(fixed or {})
     names = [u.name for u in unknowns]
-    start = np.array([np.clip(u.start, u.low, u.high) for u in unknowns])
+    start = np.array([np.clip(begun(u), u.low, u.high) for u in unknowns])
     pairs = [(names.index(u.amplitude), i) for i, u in enumerate(unknowns) if u.amplitude in names]
     most = np.array([max(abs(u.low), abs(u.high)) for u in unknowns])
     shares = [
@@ -290,6 +279,19 @@ def fit(
     found = searched(cost, slopes, z0, (low, high), rounds)
     fitted = summarised(task, names, base, coordinates, found, (low, high), len(priors))
     return replace(fitted, settled=False, sketched=True) if quick else fitted
+
+
+def begun(unknown: Unknown) -> float:
+    """Where a search for an unknown begins, SI: what the last digits of sums made of an earlier fit ends here.
+
+    Without that another processor's rounding grows from fit to fit, until it decides the names.
+    """
+    if unknown.start in (unknown.low, unknown.high) or abs(unknown.start) > FAR_OFF * unknown.scale:
+        return unknown.start
+    place = unknown.start / unknown.scale
+    if unknown.ratio:
+        return float(np.exp(round(np.log(place) / START_STEP) * START_STEP)) * unknown.scale
+    return round(place / START_STEP) * START_STEP * unknown.scale
 
 
 class Follower:
@@ -341,17 +343,14 @@ def searched(
 ) -> OptimizeResult:
     """Least squares from `z` within bounds, at most `rounds` iterations.
 
-    A trust region with reflection (Branch, Coleman and Li, SIAM J. Sci. Comput. 21, 1999): friction and ends of travel
-    bend the cost at every scale, and the steps of Gauss and Newton, which a dogleg takes, go to and fro there; where such a
-    search ends rounding decides. Where the data say next to nothing steps are damped (`LEVENBERG`), and the estimate stays
-    where it begins: without that each step would be as long as the region, or what rounding makes of it. The end is the
-    same, since the gradient is. When the time of the diagnosis is gone the search ends where it is.
+    A step ends where it meets a bound, and scipy takes a step cut that short for the end of the search: from there it
+    goes on, that unknown held. For the same reason a search begins on a bound and not beside it. How small a step ends
+    the search goes by the length of all unknowns together: beside an end of travel that is out of reach (1e9 rad) every
+    step would. When the time of the diagnosis is gone it ends where it is.
     """
     budget = current()
     last: list[Array] = []
     origin = np.where(np.abs(z) > FAR_OFF, z, 0.0)
-    low, high = bounds
-    damping, none = LEVENBERG * np.eye(z.size), np.zeros(z.size)
 
     def in_time(z: Array) -> Array:
         if last and budget.gone:
@@ -359,28 +358,29 @@ def searched(
         last[:] = z.copy(), slopes(z)
         return np.asarray(last[1])
 
-    try:
-        with np.errstate(over="ignore"):  # a trial far out may overflow; the search turns back by itself
-            found = least_squares(
-                lambda y: np.concatenate([cost(y + origin), none]),
-                z - origin,
-                lambda y: np.concatenate([in_time(y + origin), damping]),
-                bounds=(low - origin, high - origin),
-                method="trf",
-                max_nfev=rounds,
-                xtol=1e-5,
-                ftol=1e-6,
-                gtol=1e-12,
-            )
-    except _TimeGoneError:
-        fun = cost(last[0])
-        return OptimizeResult(x=last[0], fun=fun, jac=last[1], cost=0.5 * float(fun @ fun), status=0)
-    x = found.x + origin
-    # the search stays within the bounds by a hair
-    found.x = np.where(x - low < ON_BOUND, low, np.where(high - x < ON_BOUND, high, x))
-    found.fun, found.jac = found.fun[: -z.size], found.jac[: -z.size]
-    found.cost = 0.5 * float(found.fun @ found.fun)
-    return found
+    while True:
+        try:
+            with np.errstate(over="ignore"):  # a trial far out may overflow; the search turns back by itself
+                found = least_squares(
+                    lambda y: cost(y + origin),
+                    z - origin,
+                    lambda y: in_time(y + origin),
+                    bounds=(bounds[0] - origin, bounds[1] - origin),
+                    method="dogbox",
+                    max_nfev=rounds,
+                    xtol=1e-5,
+                    ftol=1e-6,
+                    gtol=1e-12,
+                )
+        except _TimeGoneError:
+            fun = cost(last[0])
+            return OptimizeResult(x=last[0], fun=fun, jac=last[1], cost=0.5 * float(fun @ fun), status=0)
+        found.x = np.clip(found.x + origin, *bounds)
+        rounds -= found.nfev
+        before = (z == bounds[0]) | (z == bounds[1])
+        if found.status <= 0 or rounds < 2 or not np.any((found.active_mask != 0) & ~before):
+            return found
+        z = found.x
 
 
 def summarised(

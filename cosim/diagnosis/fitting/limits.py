@@ -109,25 +109,13 @@ def passed(
     return beyond
 
 
-def outside_readings(task: Task, effects: Iterable[Effect]) -> dict[str, tuple[float, float]]:
-    """``component.parameter`` of a limit -> bounds, SI, between which the fitted readings do not pass it (`passed`).
-
-    Where much else is wrong a search would bend it to describe something else.
-    """
-    found: dict[str, tuple[float, float]] = {}
-    for effect in effects:
-        for parameter, free in effect.free.items():
-            signal, own = measured_by(task, effect, free), limited(task, effect, free, None)
-            if not signal or own is None or not own.size:
-                continue
-            noise = task.floor(signal)
-            if free.rate:
-                noise *= np.sqrt(2.0) / (task.rules[signal].bins * task.model.h)
-            side = float(np.copysign(1.0, free.starts[0]))
-            slack = GIVES_WAY * float(np.ptp(own)) + noise * float(norm.isf(PASSED_BY_CHANCE / own.size))
-            least = float(np.max(side * own)) - slack
-            found[f"{effect.component}.{parameter}"] = (least, np.inf) if side > 0.0 else (-np.inf, -least)
-    return found
+def passed_in_fit(task: Task, effects: Iterable[Effect], found: Fit) -> dict[str, float]:
+    """``component.parameter`` of limits that the fitted readings themselves pass -> their nominal value, SI."""
+    return {
+        beyond.name: task.model.nominal(beyond.name)
+        for effect in effects
+        for beyond in passed(task, effect, found, task.measured, task.model.cuts)
+    }
 
 
 def limited(task: Task, effect: Effect, free: Free, values: Mapping[str, float] | None) -> Array | None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.diagnosis.fitting.fit import MOST_ROUNDS, Fit, Task, Unknown, fit, placed
+from cosim.diagnosis.fitting.fit import Fit, Task, Unknown, fit, placed
 from cosim.diagnosis.thresholds import STRAINED_START
 
 Array = NDArray[np.float64]
@@ -37,7 +37,7 @@ def fit_from_starts(
     unknowns: list[Unknown],
     starts: Mapping[str, tuple[float, ...]],
     keep: int = 2,
-    rounds: int = MOST_ROUNDS,
+    rounds: int = 12,
     size: Size | None = None,
     slopes: Array | None = None,
     quick: bool = False,

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from cosim.diagnosis.budget import current, seen_by_threads
-from cosim.diagnosis.fitting.fit import MOST_ROUNDS, Fit, Task, Unknown, fit, placed
+from cosim.diagnosis.fitting.fit import Fit, Task, Unknown, fit, placed
 from cosim.diagnosis.fitting.group_model import GroupModel
-from cosim.diagnosis.fitting.limits import idle, out_of_reach, outside_readings, reached
+from cosim.diagnosis.fitting.limits import idle, out_of_reach, passed_in_fit, reached
 from cosim.diagnosis.fitting.noise import Whitener
 from cosim.diagnosis.fitting.starts import Size, fit_from_starts
 from cosim.diagnosis.record.signatures import SAMPLED
@@ -153,7 +153,7 @@ def tried(
     effects: tuple[Effect, ...],
     tolerance: float,
     near: Fit | None = None,
-    rounds: int = MOST_ROUNDS,
+    rounds: int = 12,
     quick: bool = False,
 ) -> Trial:
     """Fit a set of effects, quickly if so wanted (see `fit`); parameters that `near` has already estimated begin there."""
@@ -169,6 +169,9 @@ def tried(
     slopes = None if near is None else near.slopes
     size = sought(task.model, effects, starts)
     found = fit_from_starts(task, wanted, starts, rounds=rounds, size=size, slopes=slopes, quick=quick)
+    if beyond := passed_in_fit(task, effects, found):
+        # one end of a travel is there, though in the place of the other something else was described
+        found = fit(task, placed(wanted, found.values | beyond), rounds=rounds, quick=quick)
     met = out_of_reach(task, effects, found, not rough(tolerance))
     return Trial(effects, met, price - sum(unpaid(task.model, e, met) for e in effects))
 
@@ -206,23 +209,11 @@ def starting(
     wanted, starts = unknowns(task.model, effects, tolerance)
     # what a model of rough guesses predicts between its blocks is known once it has been fitted
     known = near.values if near else None if rough(tolerance) else {}
-    wanted = around_readings(task, effects, wanted)
     bounds = {u.name: (u.low, u.high) for u in wanted}
     for name, extremes in reached(task, effects, known).items():
         # a spool that never leaves its dead zone has no speed: no limit of it is possible there
         starts[name] = (*starts[name], *np.clip(extremes, *bounds[name]).tolist())
     return wanted, starts
-
-
-def around_readings(task: Task, effects: tuple[Effect, ...], wanted: list[Unknown]) -> list[Unknown]:
-    """The unknowns, limits kept where the fitted readings do not pass them."""
-    edges = outside_readings(task, effects)
-    return [
-        replace(u, low=max(u.low, edges[u.name][0]), high=min(u.high, edges[u.name][1]))
-        if u.name in edges
-        else u
-        for u in wanted
-    ]
 
 
 def price_of(task: Task, wanted: list[Unknown], tolerance: float) -> int:

@@ -11,7 +11,7 @@ from cosim.diagnosis.budget import current
 from cosim.diagnosis.fitting.fit import Fit, Task, Unknown, fit, placed
 from cosim.diagnosis.fitting.group_model import GroupModel
 from cosim.diagnosis.fitting.noise import Whitener
-from cosim.diagnosis.fitting.trials import around_readings, tried, unknowns
+from cosim.diagnosis.fitting.trials import tried, unknowns
 from cosim.diagnosis.record.grid import of_piece
 from cosim.diagnosis.record.record import Record, fixed_values, is_start
 from cosim.diagnosis.residuals.cross_validation import window_numbers
@@ -64,10 +64,10 @@ def refitted(
     """
     size = {s: max(float(np.std(r)), 1e-300) for s, r in near.residuals.items()}
     task = whole(finding.task, size, mask)
-    wanted = around_readings(finding.task, effects, unknowns(task.model, effects, tolerance)[0])
+    wanted, _ = unknowns(task.model, effects, tolerance)
     found = tried(finding.task, effects, tolerance, near).fit
     for _ in range(FREE_RUN_ROUNDS):
-        found = fit(task, placed(wanted, found.values))
+        found = fit(task, placed(wanted, found.values), rounds=20)
         if found.settled or current().over:
             break
     numbers = np.arange(found.count) * FREE_RUN_PARTS // max(found.count, 1)
@@ -151,7 +151,7 @@ def onward(finding: Finding, effects: tuple[Effect, ...], tolerance: float, near
     task = Drifting(**{f.name: getattr(known, f.name) for f in fields(Task)})
     if not task.steps_in.size:  # a window a log: nothing goes on from one to the next
         return found
-    wanted = around_readings(finding.task, effects, unknowns(task.model, effects, tolerance)[0])
+    wanted, _ = unknowns(task.model, effects, tolerance)
     # where a reading in steps lies within its step nobody knows: two windows, each off by up to half of one
     coarse = task.steps.get(next(iter(task.rules)), 0.0) / np.sqrt(6.0)
     for _ in range(WALK_ROUNDS):
