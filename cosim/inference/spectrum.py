@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize
 from scipy.signal.windows import hann
 
 from cosim.inference.noise import Noise, correlation_times, density
-from cosim.inference.whittle import likeliest
 
 Array = NDArray[np.float64]
 BANDS = 80
@@ -92,10 +92,29 @@ def _spectrum(b: Bands, noise: Noise) -> Array:
 
 
 def _fit(b: Bands, power: Array) -> Noise:
-    """Sizes of largest Whittle likelihood, slow noise sparingly."""
+    """Sizes of largest Whittle likelihood: multiplicative updates, then a quasi-Newton search in logarithms.
+
+    The updates can bring back a kind that was small for a while, where a search in logarithms stays stuck (Fevotte,
+    Bertin, Durrieu, Neural Computation 21(3), 2009).
+    """
+    mean = power / b.count
     total = max(float(power.sum() / b.count.sum()), 1e-300)
-    least = np.full(len(b.shapes), SMALLEST_SHARE * total)
+    sizes = np.full(len(b.shapes), total / len(b.shapes))
+    for _ in range(200):
+        model = sizes @ b.shapes
+        sizes = sizes * np.sqrt((b.shapes @ (b.count * mean / model**2)) / (b.shapes @ (b.count / model)))
+
     still = np.array([1.0] + [float(density(tau, np.zeros(1))[0]) for tau in b.times])
-    found = likeliest(b.shapes, power / b.count, least, count=b.count, slow=(SPARING, still))
-    white, *rest = found.tolist()
+
+    def cost(logs: Array) -> tuple[float, Array]:
+        parts = np.exp(logs)[:, None] * b.shapes
+        model = parts.sum(axis=0)
+        slow = np.exp(logs) * still
+        value = float(b.count @ (np.log(model) + mean / model)) + SPARING * float(np.log(slow.sum()))
+        return value, parts @ (b.count * (1.0 - mean / model) / model) + SPARING * slow / slow.sum()
+
+    low, high = np.log(SMALLEST_SHARE * total), np.log(1e8 * total)
+    start = np.clip(np.log(np.maximum(sizes, 1e-300)), low, high)
+    found = minimize(cost, start, jac=True, method="L-BFGS-B", bounds=[(low, high)] * start.size)
+    white, *rest = np.exp(found.x).tolist()
     return Noise(white, b.times, tuple(rest))

@@ -16,10 +16,7 @@ def likeliest(
     shapes: Array,
     power: Array,
     least: Array,
-    *,
-    count: Array | float = 1.0,
     known: Array | float = 0.0,
-    slow: tuple[float, Array] | None = None,
 ) -> Array:
     """(kinds,) sizes of largest Whittle likelihood, each at least its `least`.
 
@@ -31,25 +28,18 @@ def likeliest(
         shapes: (kinds, frequencies) spectrum of each kind of size 1.
         power: (frequencies,) the periodogram.
         least: (kinds,) smallest sizes, positive.
-        count: (frequencies,) independent values behind each, or one for all.
         known: (frequencies,) spectrum of what is known beforehand.
-        slow: a weight w and (kinds,) factors k: w log(k sizes) is added to the cost.
     """
-    weight = np.sqrt(np.broadcast_to(np.asarray(count, dtype=np.float64), power.shape))
 
     def cost(sizes: Array) -> float:
         model = known + sizes @ shapes
-        value = float(np.sum(weight**2 * (np.log(model) + power / model)))
-        return value + (slow[0] * float(np.log(slow[1] @ sizes)) if slow else 0.0)
+        return float(np.sum(np.log(model) + power / model))
 
     sizes = np.maximum(least, np.mean(power / np.mean(shapes, axis=0)) / len(shapes))
     here = cost(sizes)
     for _ in range(FISHER_STEPS):
-        over = weight / (known + sizes @ shapes)
+        over = 1.0 / (known + sizes @ shapes)
         columns, wanted = (shapes * over).T, (power - known) * over - (least @ shapes) * over
-        if slow:  # a concave term, by its tangent; as what the least squares want less of
-            tangent = slow[0] * slow[1] / float(slow[1] @ sizes)
-            wanted = wanted - np.linalg.lstsq(columns.T, tangent, rcond=None)[0]
         scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
         step = least + nnls(columns / scale, wanted, maxiter=PIVOTS)[0] / scale - sizes
         share, gain = 1.0, -np.inf

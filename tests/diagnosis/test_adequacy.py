@@ -81,6 +81,7 @@ def test_a_constant_gain_shows_no_dynamics_that_a_speed_lacks(
         null: None = None
         lacks_linear: bool = False
         rivals: dict[str, None] | None = None
+        events: dict[str, dict[str, None]] = field(default_factory=dict)
 
         def accept(self, *_: object) -> "Stub":
             return self

@@ -1,7 +1,6 @@
 """Sizes of kinds of noise by Whittle's likelihood."""
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -14,10 +13,10 @@ SHAPES = np.stack([np.ones_like(OMEGA), *(2.0 * tau / (1.0 + (tau * OMEGA) ** 2)
 LEAST = np.full(len(SHAPES), 1e-7)
 
 
-def cost(sizes: np.ndarray, power: np.ndarray, count: np.ndarray | float = 1.0) -> float:
+def cost(sizes: np.ndarray, power: np.ndarray) -> float:
     """Whittle's likelihood, negative."""
     model = sizes @ SHAPES
-    return float(np.sum(count * (np.log(model) + power / model)))
+    return float(np.sum(np.log(model) + power / model))
 
 
 def drawn(seed: int, looks: int) -> np.ndarray:
@@ -64,22 +63,3 @@ def test_what_is_known_beforehand_is_not_sought_again() -> None:
     sizes, known = np.array([0.3, 0.0, 0.0, 0.0, 0.0, 0.5]), 0.8 * SHAPES[2]
     found = likeliest(SHAPES, sizes @ SHAPES + known, LEAST, known=known)
     np.testing.assert_allclose(found, sizes, atol=2e-3)
-
-
-def test_frequencies_that_stand_for_many_values_count_as_many() -> None:
-    power = drawn(5, 3)
-    count = np.where(OMEGA > 1.0, 20.0, 1.0)
-    found, even = likeliest(SHAPES, power, LEAST, count=count), likeliest(SHAPES, power, LEAST)
-    assert cost(found, power, count) < cost(even, power, count) - 1e-3
-
-
-@pytest.mark.parametrize("weight", [1.0, 5.0])
-def test_slow_noise_that_costs_is_smaller(weight: float) -> None:
-    power, slow = drawn(11, 2), SHAPES[:, 0]
-    plain, spared = likeliest(SHAPES, power, LEAST), likeliest(SHAPES, power, LEAST, slow=(weight, slow))
-
-    def costs(sizes: np.ndarray) -> float:
-        return cost(sizes, power) + weight * float(np.log(slow @ sizes))
-
-    assert slow @ spared < slow @ plain
-    assert costs(spared) < costs(plain)
