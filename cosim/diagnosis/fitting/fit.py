@@ -25,7 +25,7 @@ T = TypeVar("T")
 ABSURD = 1e9  # SI; stands for a residual that is no number
 AT_ONCE = 1_000_000  # samples of residuals that are kept to be whitened together: 8 MB
 SLOPE_STEP = 2e-3  # of a scale, over which slopes are differenced
-START_STEP = 1e-3  # of a scale, in which searches begin
+START_STEP = 1e-5  # of a scale, in which searches begin
 FAR_OFF = 1e3  # scales: an unknown that begins farther from 0 is counted from where it begins
 
 
