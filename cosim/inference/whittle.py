@@ -6,18 +6,13 @@ from scipy.optimize import nnls
 
 Array = NDArray[np.float64]
 
-FISHER_STEPS = 60  # Fisher steps at most; some five are needed
+FISHER_STEPS = 60  # at most; some five are needed
 HALVED = 12  # times at most that a step is halved
 LAST_GAIN = 1e-11  # of the likelihood of a frequency: a step that gains less is the last
 PIVOTS = 1000  # of a step's least squares
 
 
-def likeliest(
-    shapes: Array,
-    power: Array,
-    least: Array,
-    known: Array | float = 0.0,
-) -> Array:
+def likeliest(shapes: Array, power: Array, least: Array, known: Array | float = 0.0) -> Array:
     """(kinds,) sizes of largest Whittle likelihood, each at least its `least`.
 
     By Fisher scoring: for a sum of spectra each step is a least-squares problem in the sizes, weighted by the spectrum so
@@ -39,7 +34,7 @@ def likeliest(
     here = cost(sizes)
     for _ in range(FISHER_STEPS):
         over = 1.0 / (known + sizes @ shapes)
-        columns, wanted = (shapes * over).T, (power - known) * over - (least @ shapes) * over
+        columns, wanted = (shapes * over).T, (power - known - least @ shapes) * over
         scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
         step = least + nnls(columns / scale, wanted, maxiter=PIVOTS)[0] / scale - sizes
         share, gain = 1.0, -np.inf

@@ -333,8 +333,7 @@ def learned_at(
         power = power + (least**2 - total) * shapes[0]
         total = least**2
 
-    least_sizes = np.full(len(shapes), SMALLEST_SHARE * total)
-    sizes = likeliest(shapes, power, least_sizes, known=known)
+    sizes = likeliest(shapes, power, np.full(len(shapes), SMALLEST_SHARE * total), known)
     return replace(rule, sizes=tuple(sizes.tolist())), rows, freedom
 
 

@@ -137,10 +137,10 @@ def machine_for(
         for group in cut(wiring, signals, start_values(wiring, table, signals), trusted)
     ]
     lexicon = Lexicon(shown_signals(log, mapping, signals), dict(options.units), dict(options.blocks))
-    machine = Machine(
-        wiring.name, wiring, path, tuple(groups), signals, values, options, lexicon, mapping, table.aside
+    aside, notes = table.aside, table.notes
+    return Machine(
+        wiring.name, wiring, path, tuple(groups), signals, values, options, lexicon, mapping, aside, notes
     )
-    return replace(machine, notes=table.notes)
 
 
 def shown_signals(log: Log, mapping: LogMapping, signals: Mapping[str, Bound]) -> dict[str, Shown]:
