@@ -129,24 +129,23 @@ def native(kind: str, folder: Path) -> Path:
 def python(kind: str, folder: Path) -> Path:
     """Build ``folder/py_KIND.fmu`` as a user of plain pythonfmu would."""
     name = f"py_{kind}"
-    script = folder / f"{name}.py"
     values = {p: 0.5 if p == "ZETA" else 1.0 for p in USES[kind]}
-    script.write_text(
-        SCRIPT.format(name=name, inputs=inputs_of(kind), values=values, equation=EQUATIONS[kind]),
-        encoding="utf-8",
-    )
-    command = [
-        sys.executable,
-        "-m",
-        "pythonfmu",
-        "build",
-        "-f",
-        str(script),
-        "-d",
-        str(folder),
-        "--no-external-tool",
-    ]
-    subprocess.run(command, check=True, capture_output=True, cwd=folder)
+    text = SCRIPT.format(name=name, inputs=inputs_of(kind), values=values, equation=EQUATIONS[kind])
+    return by_pythonfmu(name, text, folder)
+
+
+def by_pythonfmu(name: str, script: str, folder: Path) -> Path:
+    """Build ``folder/NAME.fmu`` of the class NAME in a script, by plain pythonfmu in a process of its own.
+
+    Raises:
+        RuntimeError: pythonfmu does not build it.
+    """
+    (folder / f"{name}.py").write_text(script, encoding="utf-8")
+    options = ("-f", f"{name}.py", "-d", ".", "--no-external-tool")
+    command = [sys.executable, "-m", "pythonfmu", "build", *options]
+    done = subprocess.run(command, check=False, cwd=folder, capture_output=True, text=True)
+    if done.returncode:
+        raise RuntimeError(done.stderr)
     return folder / f"{name}.fmu"
 
 

@@ -1,12 +1,12 @@
 """A parameter that is an initial value takes, in each log, what its signal begins with."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+
+from benchmarks.systems.parts import by_pythonfmu
 
 TANK = """
 from pythonfmu import Fmi2Causality, Fmi2Slave, Real
@@ -47,10 +47,7 @@ trusted = ["Tank.K"]
 @pytest.fixture(scope="module")
 def tank(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("tank")
-    (folder / "Tank.py").write_text(TANK)
-    build = [sys.executable, "-m", "pythonfmu", "build", "-f", "Tank.py", "-d", ".", "--no-external-tool"]
-    subprocess.run(build, check=True, cwd=folder, capture_output=True)
-    return folder / "Tank.fmu"
+    return by_pythonfmu("Tank", TANK, folder)
 
 
 def log(file: Path, first: float, seed: int) -> Path:

@@ -1,13 +1,12 @@
 """What a mapping says of inputs that were not measured, and of parameters, is the same to all commands."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from benchmarks.systems.parts import by_pythonfmu
 from cosim.ssp.read import read_system
 
 GEARED = """
@@ -59,10 +58,7 @@ STATED = '{ "Geared.gear" = 3, "Geared.on" = true, "Geared.teeth" = 2, "Geared.K
 @pytest.fixture(scope="module")
 def geared(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("geared")
-    (folder / "Geared.py").write_text(GEARED)
-    build = [sys.executable, "-m", "pythonfmu", "build", "-f", "Geared.py", "-d", ".", "--no-external-tool"]
-    subprocess.run(build, check=True, cwd=folder, capture_output=True)
-    return folder / "Geared.fmu"
+    return by_pythonfmu("Geared", GEARED, folder)
 
 
 def log(file: Path, gain: float, first: float = 4.0) -> Path:

@@ -2,8 +2,6 @@
 
 import copy
 import json
-import subprocess
-import sys
 import zipfile
 from pathlib import Path
 
@@ -217,9 +215,7 @@ class Clutch(Fmi2Slave):
 
 
 def test_whole_numbers_and_switches_drive_a_component(command, tmp_path: Path) -> None:
-    (tmp_path / "Clutch.py").write_text(CLUTCH)
-    words = [sys.executable, "-m", "pythonfmu", "build", "-f", "Clutch.py", "-d", "."]
-    subprocess.run(words, check=True, cwd=tmp_path, capture_output=True)
+    parts.by_pythonfmu("Clutch", CLUTCH, tmp_path)
     rng = np.random.default_rng(2)
     count = 800
     u = systems.command(rng, count)
@@ -264,9 +260,7 @@ def test_a_switch_may_act_at_its_sample_or_at_the_next(
 
     Nor is what it gives before its first step, where it does not say that it has calculated anything by then.
     """
-    (tmp_path / "Clutch.py").write_text(CLUTCH.replace("(1.0 - math.exp(-h / 0.2))", "1.0"))
-    words = [sys.executable, "-m", "pythonfmu", "build", "-f", "Clutch.py", "-d", "."]
-    subprocess.run(words, check=True, cwd=tmp_path, capture_output=True)
+    parts.by_pythonfmu("Clutch", CLUTCH.replace("(1.0 - math.exp(-h / 0.2))", "1.0"), tmp_path)
     rng = np.random.default_rng(4)
     k = np.arange(800)
     u = first + np.sin(k / 40) + 0.3 * np.sin(k / 11)
@@ -307,9 +301,7 @@ class Latch(Fmi2Slave):
 
 def test_a_contact_hears_pulses_that_are_held_over_a_sample(command, tmp_path: Path) -> None:
     """Between two samples, half of each, they never reach it: nobody's fault (MapleSim's clutches had two causes)."""
-    (tmp_path / "Latch.py").write_text(LATCH)
-    words = [sys.executable, "-m", "pythonfmu", "build", "-f", "Latch.py", "-d", "."]
-    subprocess.run(words, check=True, cwd=tmp_path, capture_output=True)
+    parts.by_pythonfmu("Latch", LATCH, tmp_path)
     rng = np.random.default_rng(6)
     count = 800
     u = 0.1 * np.sin(np.arange(count) / 30)
@@ -372,9 +364,7 @@ class Counter(Fmi2Slave):
 
 
 def test_a_measured_output_that_is_a_whole_number_is_said_to_be_one(command, tmp_path: Path) -> None:
-    (tmp_path / "Counter.py").write_text(COUNTER)
-    words = [sys.executable, "-m", "pythonfmu", "build", "-f", "Counter.py", "-d", "."]
-    subprocess.run(words, check=True, cwd=tmp_path, capture_output=True)
+    parts.by_pythonfmu("Counter", COUNTER, tmp_path)
     log = tmp_path / "log.csv"
     log.write_text("time [s],counter [1]\n" + "".join(f"{0.1 * k!r},{k // 10}\n" for k in range(100)))
     code, _, err = command("diagnose", log, "--model", tmp_path / "Counter.fmu", "--out", tmp_path / "o")

@@ -1,8 +1,6 @@
 """A free oscillation: whoever starts with another parameter is out of step after some turns, where no slope leads back."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -87,9 +85,7 @@ def test_a_ball_that_rests_at_the_end_of_the_log_is_followed_from_bounce_to_boun
     command, tmp_path: Path
 ) -> None:
     """Out of step in the middle of the log, where it is off by 7 %, not at its end."""
-    (tmp_path / "Ball.py").write_text(BALL)
-    build = [sys.executable, "-m", "pythonfmu", "build", "-f", "Ball.py", "-d", ".", "--no-external-tool"]
-    subprocess.run(build, check=True, cwd=tmp_path, capture_output=True)
+    parts.by_pythonfmu("Ball", BALL, tmp_path)
     with Runner(tmp_path / "Ball.fmu") as runner:
         true = runner.run(2.99, 0.01, parameters={"Ball.e": 0.75}, record=["Ball.h", "Ball.v"])
     rng = np.random.default_rng(1)

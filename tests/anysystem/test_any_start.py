@@ -1,8 +1,6 @@
 """`cosim init`, what the graph alone can tell apart, and how the system is cut."""
 
 import json
-import subprocess
-import sys
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -209,9 +207,7 @@ def test_a_command_of_two_columns_is_their_difference_and_descriptions_tell_unit
     command, tmp_path: Path
 ) -> None:
     """The column of one direction was taken alone: of a log of the other the model heard nothing."""
-    (tmp_path / "Boom.py").write_text(BOOM)
-    build = [sys.executable, "-m", "pythonfmu", "build", "-f", "Boom.py", "-d", ".", "--no-external-tool"]
-    subprocess.run(build, check=True, cwd=tmp_path, capture_output=True)
+    parts.by_pythonfmu("Boom", BOOM, tmp_path)
     t = 0.02 * np.arange(500)
     down = 50.0 * ((t > 1.0) & (t < 4.0))
     angle = -0.2 * 0.02 * np.concatenate([[0.0], np.cumsum(down)[:-1]])

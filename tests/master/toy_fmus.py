@@ -1,12 +1,11 @@
 """Small FMUs by strangers (plain pythonfmu slaves), and SSPs around them: the master must run what it did not build."""
 
-import subprocess
-import sys
 import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
+from benchmarks.systems.parts import by_pythonfmu
 from cosim import trust
 
 # every slave: units on all Reals, direct dependencies of its outputs, value of x as register("x", causality) declares
@@ -183,23 +182,9 @@ BODIES = {
 def build(kind: str, folder: Path, name: str | None = None) -> Path:
     """Build one of BODIES as ``folder/kind.fmu``, in a process of its own; its module gets a name no other test uses."""
     name = name or f"toy_{kind}"
-    script = folder / f"{name}.py"
-    script.write_text(HEAD.format(name=name) + BODIES[kind], encoding="utf-8")
-    command = [
-        sys.executable,
-        "-m",
-        "pythonfmu",
-        "build",
-        "-f",
-        str(script),
-        "-d",
-        str(folder),
-        "--no-external-tool",
-    ]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    built = by_pythonfmu(name, HEAD.format(name=name) + BODIES[kind], folder)
     target = folder / f"{kind}.fmu"
-    (folder / f"{name}.fmu").rename(target)
+    built.rename(target)
     # what the tests of the loop need to run it in their own process
     trust.remember(target)
     return target
