@@ -17,7 +17,7 @@ from cosim.diagnosis.model.machine import Machine
 from cosim.diagnosis.record.grid import window_span
 from cosim.diagnosis.record.record import Record
 from cosim.diagnosis.residuals.finding import Finding
-from cosim.diagnosis.residuals.reference import Reference
+from cosim.diagnosis.residuals.reference import Fitted, Reference
 from cosim.diagnosis.thresholds import LESS_THAN_NOISE
 from cosim.diagnosis.tracker.comparison import TrackerFinding
 from cosim.diagnosis.verdict.verdict import Cause, Rest, floor_of
@@ -75,6 +75,7 @@ class Diagnosis:
         held_before, held_after: as before, after, over the held-out log.
         in_place: the linear model that the extended model has in the place of the blocks, where they lack its dynamics.
         references: signal -> the linear reference from the command to it, beside the extended model.
+        linear: (drive, signal) -> linear model of a free run over the fitted log, as far as one was needed.
         calibrated: trusted parameters fitted without any cause, where they were freed: what the extension is held against.
         refused: causes that the fitting log asks for and the held-out one does not bear out.
         spans: start and end of the stretch of each log that was used, s of the log's own time.
@@ -115,6 +116,7 @@ class Diagnosis:
     calibrated: dict[str, float] = field(default_factory=dict)
     in_place: LinearModel | None = None
     references: dict[str, Reference] = field(default_factory=dict)
+    linear: Fitted = field(default_factory=dict)
     spans: tuple[tuple[float, float], ...] = ()
     between: dict[str, Between] = field(default_factory=dict)
     elsewhere: list[Elsewhere] = field(default_factory=list)

@@ -3,7 +3,7 @@
 One input and one output, with delay, constant offset and initial state, fitted to the simulated output (output error), so
 that it is judged as a simulation is. The poles are first-order and second-order sections in continuous time; with poles
 and delay given, gains, offset and initial state follow from linear least squares (variable projection: Golub and Pereyra
-1973), so the search is over few numbers. The order is the one that predicts
+1973, with the slopes of Kaufman 1975), so the search is over few numbers. The order is the one that predicts
 left-out blocks best (`cosim.inference.held_out`).
 """
 
@@ -32,7 +32,10 @@ FREQUENCIES = 7  # of a new section that are looked at
 DAMPINGS = (0.05, 0.7)
 BEGINNING = 0.05  # of a new record, from which its initial state is taken
 STARTS = 3  # of each kind from which a search begins
-SEARCH_EVALUATIONS = 1000  # of one search at most
+FIRST_ROUNDS = 8  # of a search from each start
+FINALISTS = 2  # searches that go on to their end, those that have come furthest
+SEARCH_ROUNDS = 250  # of one search at most
+SLOPE = 1e-4  # of a coordinate's size, over which slopes are differenced
 CANCELLED = (
     1e-6  # part of a sum of squares below which products do not tell what is left: rounding is 1e-15 of it
 )
@@ -418,8 +421,8 @@ class Data:
         residuals = target - (gains / sizes) @ rows
         return float(residuals @ residuals)
 
-    def solved(self, sections: Sections, target: Array) -> tuple[Array, Array, Array, Array]:
-        """Gains (k,), weighed regressors (values, k), residuals (values,) and weights (k,) of the priors, with these poles.
+    def solved(self, sections: Sections, target: Array) -> "Solved":
+        """The best gains with these poles.
 
         A log with one step that begins soon after its start is described by slow states that cancel the response to the
         step, and nothing else is. So an initial state is as large as the output moves, as a prior against which each
@@ -440,7 +443,52 @@ class Data:
         states[max(sections.order, 1) : -1] = np.sqrt(weight)
         gram[np.diag_indices_from(gram)] += (states / sizes) ** 2
         gains = np.linalg.solve(gram, goal) / sizes
-        return gains, rows.T, target - gains @ rows, states
+        return Solved(sections, gains, rows, target - gains @ rows, states, gram, sizes)
+
+    def slope(self, at: "Solved", place: Array, i: int, step: float) -> Array:
+        """(values,) change of what is predicted with coordinate `i`, the gains held.
+
+        Args:
+            at: the solution there.
+            place: (q,) coordinates.
+            i: which of them.
+            step: over which it is differenced.
+        """
+        for signed in (step, -step):  # on one side it may become an integrator, or cease to be one
+            moved = place.copy()
+            moved[i] += signed
+            other = self.regressors(self.decaying(at.sections.moved(moved)))
+            if other.shape == at.rows.shape:
+                return np.asarray(at.gains @ (other - at.rows)) / signed
+        return np.zeros(at.rows.shape[1])
+
+
+@dataclass(frozen=True)
+class Solved:
+    """The best gains with given poles.
+
+    Attributes:
+        sections: the poles, and the delay.
+        gains: (k,) of the regressors.
+        rows: (k, values) regressors, weighed.
+        residuals: (values,) what they leave.
+        states: (k,) weights of the priors of initial states.
+        gram: (k, k) products of the regressors, each by its size, priors included.
+        sizes: (k,) of the regressors.
+    """
+
+    sections: Sections
+    gains: Array
+    rows: Array
+    residuals: Array
+    states: Array
+    gram: Array
+    sizes: Array
+
+    def beside(self, changes: Array) -> Array:
+        """(q, values) what the regressors do not take up of changes (q, values): slopes of what is left (Kaufman 1975)."""
+        taken = np.linalg.solve(self.gram, (self.rows @ changes.T) / self.sizes[:, None])
+        return changes - (taken / self.sizes[:, None]).T @ self.rows
 
 
 def reference(data: Data, highest: int = HIGHEST_ORDER) -> LinearModel:
@@ -493,7 +541,7 @@ def promising(data: Data, listed: list[Sections], target: Array) -> list[Section
     """Those of several sets of sections that explain most: from one alone the search may end beside the best."""
 
     def left(sections: Sections) -> float:
-        residuals = data.solved(data.decaying(sections), target)[2]
+        residuals = data.solved(data.decaying(sections), target).residuals
         return float(residuals @ residuals)
 
     return sorted(listed, key=left)[:STARTS]
@@ -505,62 +553,89 @@ def limits(data: Data) -> tuple[float, float]:
 
 
 def refined(data: Data, starts: list[Sections], target: Array) -> Sections:
-    """The best of the searches from these starts, over poles and delay."""
-    low, high = np.log(limits(data))
-    best, reached = starts[0], np.inf
-    for start in starts:
+    """The best of the searches from these starts, over poles and delay; after some rounds only the `FINALISTS` go on."""
+    first = [Search(data, start, target, FIRST_ROUNDS) for start in starts]
+    last = [s.onward(SEARCH_ROUNDS) for s in sorted(first, key=lambda s: s.left)[:FINALISTS]]
+    return min(last, key=lambda s: s.left).sections
+
+
+class Search:
+    """A search for poles and delay from one start.
+
+    Args:
+        data: input, output and their weights.
+        start: where it begins.
+        target: (values,) output, weighed.
+        rounds: at most.
+
+    Attributes:
+        sections: where it has ended.
+        left: sum of squares that they leave, as a part of what there was.
+        settled: it ended by itself.
+    """
+
+    def __init__(self, data: Data, start: Sections, target: Array, rounds: int) -> None:
+        self._data, self._target = data, target
+        self._scale = max(float(np.sqrt(target @ target)), 1e-300)
         one, two = len(start.first), len(start.second)
+        low, high = np.log(limits(data))
         least = np.array([low] * one + [low, np.log(DAMPING[0])] * two + [0.0])
         most = np.array([high] * one + [high, np.log(DAMPING[1])] * two + [LATEST * data.h])
-        size = np.array([1.0] * (one + 2 * two) + [5.0 * data.h])
-        begin = np.clip(start.coordinates(), least + 1e-6 * size, most - 1e-6 * size)
-        scale = max(float(np.sqrt(target @ target)), 1e-300)
-
-        def cost(x: Array, start: Sections = start, scale: float = scale) -> Array:
-            return data.solved(data.decaying(start.moved(x)), target)[2] / scale
-
+        self._size = np.array([1.0] * (one + 2 * two) + [5.0 * data.h])
+        self._known: tuple[bytes, Solved] | None = None
         found = least_squares(
-            cost,
-            begin,
+            lambda x: self._at(start, x).residuals / self._scale,
+            np.clip(start.coordinates(), least + 1e-6 * self._size, most - 1e-6 * self._size),
+            lambda x: self._slopes(start, x),
             bounds=(least, most),
-            x_scale=size,
-            diff_step=1e-4,
+            x_scale=self._size,
             ftol=1e-7,
             xtol=1e-6,
             gtol=1e-10,
-            max_nfev=max(4, SEARCH_EVALUATIONS // (begin.size + 1)),
+            max_nfev=rounds,
         )
-        if found.cost < reached:
-            best, reached = data.decaying(start.moved(found.x)), float(found.cost)
-    return best
+        self.sections = data.decaying(start.moved(found.x))
+        self.left, self.settled = 2.0 * float(found.cost), found.status > 0
+
+    def onward(self, rounds: int) -> "Search":
+        """The search from where it has ended, if it has not ended by itself."""
+        return self if self.settled else Search(self._data, self.sections, self._target, rounds)
+
+    def _at(self, start: Sections, x: Array) -> Solved:
+        """The best gains at coordinates (q,)."""
+        if self._known is None or self._known[0] != x.tobytes():
+            sections = self._data.decaying(start.moved(x))
+            self._known = x.tobytes(), self._data.solved(sections, self._target)
+        return self._known[1]
+
+    def _slopes(self, start: Sections, x: Array) -> Array:
+        """(values, q) of what is left, by its scale."""
+        at = self._at(start, x)
+        steps = SLOPE * self._size
+        changes = [self._data.slope(at, x, i, float(step)) for i, step in enumerate(steps)]
+        return -at.beside(np.array(changes)).T / self._scale
 
 
 def model_of(data: Data, sections: Sections, target: Array) -> LinearModel:
     """The model with these poles, and what it leaves of blocks that are left out."""
-    gains, matrix, residuals, states = data.solved(sections, target)
+    at = data.solved(sections, target)
     place = sections.coordinates()
-    slopes = [-matrix]
-    for i in range(place.size if sections.order else 0):
-        step = 1e-4 * (data.h if i == place.size - 1 else 1.0)
-        up = place.copy()
-        up[i] += step
-        other = data.regressors(sections.moved(up))
-        if other.shape != matrix.T.shape:  # here it becomes an integrator, or ceases to be one
-            up[i] -= 2.0 * step
-            step, other = -step, data.regressors(sections.moved(up))
-        slopes.append(-((gains @ other - gains @ matrix.T) / step)[:, None])
+    steps = [SLOPE] * (place.size - 1) + [SLOPE * data.h]
+    slopes = [-at.rows.T]
+    if sections.order:
+        slopes += [-data.slope(at, place, i, step)[:, None] for i, step in enumerate(steps)]
     jacobian = np.concatenate(slopes, axis=1)
-    priors = np.zeros((gains.size, jacobian.shape[1]))
-    priors[:, : gains.size] = -np.diag(states)
+    priors = np.zeros((at.gains.size, jacobian.shape[1]))
+    priors[:, : at.gains.size] = -np.diag(at.states)
     jacobian = np.concatenate([jacobian, priors])
     sizes = np.sqrt(np.einsum("ij,ij->j", jacobian, jacobian))
     jacobian = jacobian[:, sizes > 0.0] / sizes[sizes > 0.0]
     return LinearModel(
         sections,
-        gains,
+        at.gains,
         data.h,
         data.length,
-        residuals,
-        left_out(residuals, jacobian, data.block),
+        at.residuals,
+        left_out(at.residuals, jacobian, data.block),
         data.rest,
     )

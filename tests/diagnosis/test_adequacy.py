@@ -86,7 +86,7 @@ def test_a_constant_gain_shows_no_dynamics_that_a_speed_lacks(
         def accept(self, *_: object) -> "Stub":
             return self
 
-    found = pipeline.beside_linear(Stub(task), SimpleNamespace(time=np.arange(9.0)), None)  # type: ignore[arg-type]
+    found = pipeline.beside_linear(Stub(task), SimpleNamespace(time=np.arange(9.0)), None, {})  # type: ignore[arg-type]
     assert found.reference is reference
     assert found.lacks_linear is lacks
 

@@ -59,7 +59,15 @@ from cosim.diagnosis.record.grid import Grid, grid_of
 from cosim.diagnosis.record.record import Record, joined
 from cosim.diagnosis.record.signatures import SAMPLED
 from cosim.diagnosis.residuals.finding import Finding
-from cosim.diagnosis.residuals.reference import Reference, across, in_turn, of_group, of_whole, over_logs
+from cosim.diagnosis.residuals.reference import (
+    Fitted,
+    Reference,
+    across,
+    in_turn,
+    of_group,
+    of_whole,
+    over_logs,
+)
 from cosim.diagnosis.thresholds import (
     CALIBRATED_TRUST,
     FAST_SAMPLING,
@@ -239,7 +247,7 @@ def named_in(
     if others is not None:
         finding = borne_out(found, group, finding, others, trust, watch, done)
     with part_of(found.notes, f"the linear reference of {group.name}"):
-        finding = beside_linear(finding, record, held)
+        finding = beside_linear(finding, record, held, found.linear)
     if driving:
         again = partial(searched, found, group, trust, constants, most=most)
         with part_of(found.notes, f"looking for the origin of what {group.name} shows in the blocks before"):
@@ -313,13 +321,16 @@ def refound(finding: Finding, kept: tuple[Effect, ...], trust: float, done: Step
     return best
 
 
-def beside_linear(finding: Finding, record: Record, held: Held | None) -> Finding:
-    """A finding with a linear model of free order beside it; where that is clearly better, nothing is named on top of it."""
+def beside_linear(finding: Finding, record: Record, held: Held | None, fitted: Fitted) -> Finding:
+    """A finding with a linear model of free order beside it; where that is clearly better, nothing is named on top of it.
+
+    `fitted` are the linear models of the record that are known; it grows.
+    """
     task, linear = finding.task, finding.reference
     if held is None:
         linear = of_group(task, finding.chosen.fit, record.time)
     elif finding.held_squares is not None:
-        linear = over_logs(task, record, held.record, held.first, finding.held_squares)
+        linear = over_logs(task, record, held.record, held.first, finding.held_squares, fitted)
     finding, signal = replace(finding, reference=linear), next(iter(task.measured))
     if linear is None or adequate(finding) or not linear.clearly_better:
         return finding
@@ -544,7 +555,9 @@ def beside_the_whole(found: Diagnosis, constants: Mapping[str, float], trust: fl
         return in_turn(found.record, drive, signals, ours, found.window)
     judged = found.held_after or by_twin(found, held.record, values)
     anew = [s for s, gain in found.gains.items() if np.isfinite(gain.horizon)]
-    return across(found.record, held.record, held.first, drive, signals, judged, found.window, anew)
+    return across(
+        found.record, held.record, held.first, drive, signals, judged, found.window, anew, found.linear
+    )
 
 
 def outdone_by_linear(references: Mapping[str, Reference], noise: Mapping[str, float]) -> bool:

@@ -22,6 +22,7 @@ from cosim.inference.linear import Data, LinearModel, reference
 from cosim.inference.pieces import Cuts, by_piece
 
 Array = NDArray[np.float64]
+Fitted = dict[tuple[str, str], LinearModel]  # (drive, signal) -> model of a free run over a whole log
 
 POINTS = 3000  # that a reference is fitted to at most, in each minute or less
 POINTS_OF_LONG = 9000  # of a longer log
@@ -279,7 +280,9 @@ def left_out_prediction(task: Task, found: Fit, signal: str) -> Array:
     return np.asarray(predicted)
 
 
-def over_logs(task: Task, record: Record, held: Record, first: int, squares: Array) -> Reference | None:
+def over_logs(
+    task: Task, record: Record, held: Record, first: int, squares: Array, fitted: Fitted
+) -> Reference | None:
     """The reference of a group's first signal, fitted to one log as a free run and judged on held-out data as one.
 
     Args:
@@ -288,27 +291,35 @@ def over_logs(task: Task, record: Record, held: Record, first: int, squares: Arr
         held: the record that holds the data held out; the same machine.
         first: sample of it from which errors count.
         squares: (windows,) mean square of the model's error there, SI.
+        fitted: models of this log that are known; it grows.
     """
     signal, drive = next(iter(task.measured)), task.model.group.drive
     if signal not in held.signals or drive not in held.signals:
         return None
-    model, left = free_run(record, held, first, drive, signal, squares.size, task.model.group.drifts)
+    model = fitted_to(record, drive, signal, fitted)
+    left = free_run(model, held, first, drive, signal, squares.size, task.model.group.drifts)
     return Reference(model, np.maximum(left, held.rounding(signal) ** 2), squares)
 
 
+def fitted_to(record: Record, drive: str, signal: str, fitted: Fitted) -> LinearModel:
+    """The linear model from a drive to a signal, fitted to a record as a free run; into `fitted`, if it is not there."""
+    if (drive, signal) not in fitted:
+        count = record.time.size
+        numbers = np.arange(count) * ORDER_PARTS // count
+        pair = evened(
+            record.signals[drive], record.signals[signal], record.time, record.h, numbers, cuts=record.cuts
+        )
+        fitted[drive, signal] = reference(data_of(pair, False, pair.window >= 0))
+    return fitted[drive, signal]
+
+
 def free_run(
-    record: Record, held: Record, first: int, drive: str, signal: str, parts: int, anew: bool = False
-) -> tuple[LinearModel, Array]:
-    """A linear model fitted to one record, and (parts,) mean squares of its error over another from sample `first` on.
+    model: LinearModel, held: Record, first: int, drive: str, signal: str, parts: int, anew: bool = False
+) -> Array:
+    """(parts,) mean squares of a linear model's error over a record from sample `first` on.
 
     With `anew` the prediction begins in each part where the machine stands.
     """
-    count = record.time.size
-    numbers = np.arange(count) * ORDER_PARTS // count
-    pair = evened(
-        record.signals[drive], record.signals[signal], record.time, record.h, numbers, cuts=record.cuts
-    )
-    model = reference(data_of(pair, False, pair.window >= 0))
     window = parted(held.time.size, first, parts)
     # simulated as finely as it was measured: the poles do not know the steps of the fit
     other = evened(
@@ -317,9 +328,9 @@ def free_run(
     simulated = by_piece(lambda u, y: model.simulate(u, y, held.h), other.cuts, other.u, other.y)
     error, inside = other.y - simulated, np.flatnonzero(other.window >= 0)
     if not anew:
-        return model, mean_squares(error, other.window, False)
+        return mean_squares(error, other.window, False)
     begins = tuple(c - int(inside[0]) for c in other.cuts)
-    return model, begun_anew(error[inside], parts, True, begins)
+    return begun_anew(error[inside], parts, True, begins)
 
 
 def parted(count: int, first: int, parts: int) -> NDArray[np.int64]:
@@ -338,7 +349,8 @@ def across(
     signals: Iterable[str],
     after: Mapping[str, Array],
     window: int,
-    anew: Collection[str] = (),
+    anew: Collection[str],
+    fitted: Fitted,
 ) -> dict[str, Reference]:
     """The reference from the command to each signal, fitted to one log and judged on held-out data, as free runs.
 
@@ -351,13 +363,15 @@ def across(
         after: signal -> (n,) what the extended model makes of it over the held-out record, SI.
         window: samples in a window.
         anew: signals that are predicted over a window at a time, from where the machine stands.
+        fitted: models of the fitted log that are known; it grows.
     """
     found = {}
     cuts = tuple(c - first for c in held.cuts)
     for signal in (s for s in signals if s in held.signals and s in after):
         error, begins = (held.signals[signal] - after[signal])[first:], signal in anew
         parts = max(1, round(error.size / window), 0 if begins else enough_parts(error))
-        model, left = free_run(record, held, first, drive, signal, parts, begins)
+        model = fitted_to(record, drive, signal, fitted)
+        left = free_run(model, held, first, drive, signal, parts, begins)
         ours = begun_anew(error, parts, begins, cuts)
         found[signal] = Reference(model, left, ours)
     return found
@@ -434,9 +448,8 @@ def in_turn(
         models, left, ours = [], [], []
         for (others, own), error in zip(folds, np.split(errors[signal], record.cuts), strict=True):
             parts = max(1, round(error.size / window))
-            model, squares = free_run(others, own, 0, drive, signal, parts)
-            models.append(model)
-            left.append(squares)
+            models.append(fitted_to(others, drive, signal, {}))
+            left.append(free_run(models[-1], own, 0, drive, signal, parts))
             ours.append(mean_squares(error, parted(error.size, 0, parts), False))
         middle = sorted(models, key=lambda m: m.order)[len(models) // 2]  # of which the words are
         found[signal] = Reference(middle, np.concatenate(left), np.concatenate(ours))
