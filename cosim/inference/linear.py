@@ -7,6 +7,7 @@ and delay given, gains, offset and initial state follow from linear least square
 left-out blocks best (`cosim.inference.held_out`).
 """
 
+import cmath
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
@@ -221,7 +222,8 @@ def poles_of(section: Section | None) -> list[complex]:
     """Poles of a section, 1/s."""
     if isinstance(section, tuple):
         w, zeta = section
-        return [complex(p) for p in np.roots([1.0, 2.0 * zeta * w, w * w])]
+        quick = -w * (zeta + cmath.sqrt(zeta * zeta - 1.0))
+        return [quick, w * w / quick]
     return [] if section is None else [complex(-section)]
 
 
