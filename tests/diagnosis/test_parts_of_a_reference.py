@@ -6,7 +6,8 @@ from scipy.signal import lfilter
 
 from cosim.diagnosis.fitting.chain import window_of
 from cosim.diagnosis.record.record import Record, joined
-from cosim.diagnosis.residuals.reference import enough_parts, finer, in_turn, quickest
+from cosim.diagnosis.residuals import reference as module
+from cosim.diagnosis.residuals.reference import across, enough_parts, finer, fitted_to, in_turn, quickest
 from cosim.diagnosis.thresholds import REFERENCE_PARTS, REFERENCE_WINDOWS
 
 
@@ -48,6 +49,14 @@ def lagging(seed: int, gain: float, count: int = 2000, h: float = 0.02) -> Recor
     kept = np.exp(-h)
     slew = lfilter([0.0, gain * (1.0 - kept)], [1.0, -kept], command) + 0.01 * rng.standard_normal(count)
     return Record(h, {"u": command, "slew": slew})
+
+
+def test_a_log_is_fitted_once_for_a_block_and_for_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    log, known = lagging(0, 1.0, 400), {}
+    first = fitted_to(log, "u", "slew", known)
+    monkeypatch.setattr(module, "reference", lambda data: pytest.fail("fitted anew"))
+    after = {"slew": np.zeros(400)}
+    assert across(log, lagging(1, 1.0, 400), 0, "u", ["slew"], after, 40, (), known)["slew"].model is first
 
 
 def test_of_several_logs_the_reference_predicts_each_from_the_others() -> None:

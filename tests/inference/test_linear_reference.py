@@ -64,6 +64,27 @@ def test_order_and_poles_are_those_of_the_system(
     )
 
 
+@pytest.mark.parametrize("sections", [Sections((3.0,), (), 0.03), Sections((2.0,), ((6.0, 0.3),), 0.05)])
+def test_slopes_are_those_of_what_is_left(sections: Sections) -> None:
+    """By the sum of squares that the best gains leave a little to either side (Golub and Pereyra 1973)."""
+    u = command(4)
+    y = noisy(response([30.0], [1.0, 5.5, 30.0], u, late=2))
+    made, place = data(u, y), sections.coordinates()
+    at = made.solved(sections, y)
+    steps = np.array([1e-5] * (place.size - 1) + [1e-5 * H])
+    changes = np.array([made.slope(at, place, i, float(step)) for i, step in enumerate(steps)])
+    told = -2.0 * at.beside(changes) @ at.residuals
+
+    def left(i: int, by: float) -> float:
+        moved = place.copy()
+        moved[i] += by
+        residuals = made.solved(sections.moved(moved), y).residuals
+        return float(residuals @ residuals)
+
+    differenced = [(left(i, step) - left(i, -step)) / (2.0 * step) for i, step in enumerate(steps)]
+    np.testing.assert_allclose(told, differenced, rtol=0.01, atol=1e-4 * np.abs(differenced).max())
+
+
 @pytest.mark.parametrize(("slowness", "integrates"), [(1.3, True), (0.75, False)])
 def test_a_pole_slower_than_the_data_are_long_is_an_integrator(slowness: float, integrates: bool) -> None:
     made = data(command(2), np.zeros(COUNT))
