@@ -556,66 +556,59 @@ def limits(data: Data) -> tuple[float, float]:
 
 def refined(data: Data, starts: list[Sections], target: Array) -> Sections:
     """The best of the searches from these starts, over poles and delay; after some rounds only the `FINALISTS` go on."""
-    first = [Search(data, start, target, FIRST_ROUNDS) for start in starts]
-    last = [s.onward(SEARCH_ROUNDS) for s in sorted(first, key=lambda s: s.left)[:FINALISTS]]
-    return min(last, key=lambda s: s.left).sections
+    ends = sorted((search(data, start, target, FIRST_ROUNDS) for start in starts), key=lambda end: end.left)
+    last = [e if e.settled else search(data, e.sections, target, SEARCH_ROUNDS) for e in ends[:FINALISTS]]
+    return min(last, key=lambda end: end.left).sections
 
 
-class Search:
-    """A search for poles and delay from one start.
-
-    Args:
-        data: input, output and their weights.
-        start: where it begins.
-        target: (values,) output, weighed.
-        rounds: at most.
+@dataclass(frozen=True)
+class End:
+    """Where a search has ended.
 
     Attributes:
-        sections: where it has ended.
-        left: sum of squares that they leave, as a part of what there was.
+        sections: poles and delay.
+        left: sum of squares that they leave.
         settled: it ended by itself.
     """
 
-    def __init__(self, data: Data, start: Sections, target: Array, rounds: int) -> None:
-        self._data, self._target = data, target
-        self._scale = max(float(np.sqrt(target @ target)), 1e-300)
-        one, two = len(start.first), len(start.second)
-        low, high = np.log(limits(data))
-        least = np.array([low] * one + [low, np.log(DAMPING[0])] * two + [0.0])
-        most = np.array([high] * one + [high, np.log(DAMPING[1])] * two + [LATEST * data.h])
-        self._size = np.array([1.0] * (one + 2 * two) + [5.0 * data.h])
-        self._known: tuple[bytes, Solved] | None = None
-        found = least_squares(
-            lambda x: self._at(start, x).residuals / self._scale,
-            np.clip(start.coordinates(), least + 1e-6 * self._size, most - 1e-6 * self._size),
-            lambda x: self._slopes(start, x),
-            bounds=(least, most),
-            x_scale=self._size,
-            ftol=1e-7,
-            xtol=1e-6,
-            gtol=1e-10,
-            max_nfev=rounds,
-        )
-        self.sections = data.decaying(start.moved(found.x))
-        self.left, self.settled = 2.0 * float(found.cost), found.status > 0
+    sections: Sections
+    left: float
+    settled: bool
 
-    def onward(self, rounds: int) -> "Search":
-        """The search from where it has ended, if it has not ended by itself."""
-        return self if self.settled else Search(self._data, self.sections, self._target, rounds)
 
-    def _at(self, start: Sections, x: Array) -> Solved:
-        """The best gains at coordinates (q,)."""
-        if self._known is None or self._known[0] != x.tobytes():
-            sections = self._data.decaying(start.moved(x))
-            self._known = x.tobytes(), self._data.solved(sections, self._target)
-        return self._known[1]
+def search(data: Data, start: Sections, target: Array, rounds: int) -> End:
+    """A search for poles and delay from one start, at most so many rounds."""
+    scale = max(float(np.sqrt(target @ target)), 1e-300)
+    one, two = len(start.first), len(start.second)
+    low, high = np.log(limits(data))
+    least = np.array([low] * one + [low, np.log(DAMPING[0])] * two + [0.0])
+    most = np.array([high] * one + [high, np.log(DAMPING[1])] * two + [LATEST * data.h])
+    size = np.array([1.0] * (one + 2 * two) + [5.0 * data.h])
+    last: dict[bytes, Solved] = {}
 
-    def _slopes(self, start: Sections, x: Array) -> Array:
-        """(values, q) of what is left, by its scale."""
-        at = self._at(start, x)
-        steps = SLOPE * self._size
-        changes = [self._data.slope(at, x, i, float(step)) for i, step in enumerate(steps)]
-        return -at.beside(np.array(changes)).T / self._scale
+    def at(x: Array) -> Solved:
+        key = x.tobytes()
+        if key not in last:  # slopes are asked for where residuals were
+            last.clear()
+            last[key] = data.solved(data.decaying(start.moved(x)), target)
+        return last[key]
+
+    def slopes(x: Array) -> Array:
+        changes = [data.slope(at(x), x, i, float(step)) for i, step in enumerate(SLOPE * size)]
+        return -at(x).beside(np.array(changes)).T / scale
+
+    found = least_squares(
+        lambda x: at(x).residuals / scale,
+        np.clip(start.coordinates(), least + 1e-6 * size, most - 1e-6 * size),
+        slopes,
+        bounds=(least, most),
+        x_scale=size,
+        ftol=1e-7,
+        xtol=1e-6,
+        gtol=1e-10,
+        max_nfev=rounds,
+    )
+    return End(data.decaying(start.moved(found.x)), 2.0 * float(found.cost) * scale**2, found.status > 0)
 
 
 def model_of(data: Data, sections: Sections, target: Array) -> LinearModel:
