@@ -369,7 +369,10 @@ class Search:
         inside = model.group.components
         part = 1.0 if any(model.system.components[c].fmu.tolerance for c in inside) else 2.0
         found = {s: part * self._difference(first, fine, s) for s, _ in model.group.judged}
-        return {s: size for s, size in found.items() if np.isfinite(size)}
+        # of a model far beyond its reading, as in another unit, the error falls with all that brings it there
+        ranges = {s: float(np.std(model.whole(first, s))) for s in found}
+        shares = {s: min(1.0, self.spreads[s] / max(ranges[s], 1e-300)) for s in found}
+        return {s: shares[s] * size for s, size in found.items() if np.isfinite(size)}
 
     def _matters(self, signal: str) -> float:
         """RMS of what matters: less is nobody's concern, or the error of the model's own solvers."""
@@ -1468,7 +1471,7 @@ class Search:
             ratio, why = self._left(best.fit, wrong), ""
             if any(self._silences(action, best.fit) for action in best.actions):
                 why = "may be zero: the log then shows nothing of what the model hands on there"
-            elif self._as_a_constant(best.fit, wrong):
+            elif self._as_a_constant(errors(finding, extended(finding, best)), wrong):
                 why = "explains no more of the log than a constant reading would"
             elif ratio > BETTER and not self._borne_out(best, finding.fitted.fit, wrong, left):
                 why = (
@@ -1773,12 +1776,11 @@ class Search:
         names = [n for n in self._off(action) if n.endswith("|gain") and n in {u.name for u in fit.unknowns}]
         return any(abs(fit.values[n]) <= 1.96 * fit.deviation(n) for n in names)
 
-    def _as_a_constant(self, fit: Fit, wrong: Collection[str]) -> bool:
-        """Whether each signal that stays wrong is as far from the model as from its own mean.
+    def _as_a_constant(self, residual: Mapping[str, Array], wrong: Collection[str]) -> bool:
+        """Whether each signal that stays wrong is as far from the model's own run as from its own mean.
 
         A model that is far off, such as one in another unit, comes nearer by whatever silences it.
         """
-        residual = self.problem.residuals(fit.values)
         return all(
             np.sqrt(np.mean(self._part(residual, s, False) ** 2))
             > CONSTANT * np.std(self._part(self.problem.measured, s, False))
