@@ -81,6 +81,7 @@ AGREES = 1e-3  # of a log-likelihood: two fits that differ by less ended in one 
 NOTHING = 0.01  # log-likelihood: a number that changes no more is not told
 RUNAWAY = 1e9  # spreads of a signal: a model that a small change moves so far is unstable there
 MOST = 3  # causes in a group
+DECADES = 9  # of an FMU's unit: from nano to giga
 EARLY = 1.0  # samples, at most
 FAR_MORE = 20.0  # log-likelihood: two ways to hand inputs over differ by less than 1 for each input where slopes hold
 FAR_LESS = (
@@ -296,6 +297,7 @@ class Search:
         with model.runs.exact():
             first = model({**self.base})  # raises where the system itself cannot be run
             self._check(first)
+            self.scales = self._scales(first)
             if not model.differs:
                 model.runs.forget()
                 again = model({**self.base})
@@ -347,6 +349,28 @@ class Search:
                 if "port.dropout" not in self.exclude:
                     found[Action("port.dropout", port, "sensor")] = stale
         return found
+
+    def _scales(self, first: Mapping[str, Array]) -> dict[str, float]:
+        """Size of each trusted or free parameter: its value, or of one that is 0 a decade that moves the model."""
+        values = {n: v for n, (v, _) in self.trusted.items()} | self.free
+        return {n: abs(v) or self._decade(n, first) for n, v in values.items()}
+
+    def _decade(self, name: str, first: Mapping[str, Array]) -> float:
+        """Power of ten of a parameter that moves the model most nearly as much as a reading varies; 1 where none does."""
+        tried = dict[int, float]()
+        power = 0
+        while (
+            power not in tried and abs(power) <= DECADES and not (power > 2 and min(tried.values()) == np.inf)
+        ):
+            try:
+                moved = self.model({**self.base, f"{PARAMETER}|{name}": 10.0**power})
+                change = max(self._difference(first, moved, s) / self.spreads[s] for s in self.spreads)
+            except SimulationError:
+                change = np.inf
+            tried[power] = abs(float(np.log(change))) if 0.0 < change < np.inf else np.inf
+            power += 1 if change < 1.0 else -1
+        best = min(tried, key=lambda p: tried[p])
+        return 10.0**best if tried[best] < np.inf else 1.0
 
     def _difference(self, one: Mapping[str, Array], other: Mapping[str, Array], signal: str) -> float:
         """RMS by which two runs of the same differ: 0 for a system that is deterministic."""
@@ -443,7 +467,7 @@ class Search:
             name = str(action.port)
             value = self.trusted[name][0]
             variable = self.model.system.variable(action.port)
-            size = abs(value) or 1.0
+            size = self.scales[name]
             low, high = max(variable.low, value - 20.0 * size), min(variable.high, value + 20.0 * size)
             if value > 0.0:
                 low = max(low, 1e-3 * value)  # a sign that turns is another model
@@ -454,7 +478,7 @@ class Search:
         """A moderate size of it; nothing for what a reading shows by itself."""
         if action.effect == PARAMETER:
             value, deviation = self.trusted[str(action.port)]
-            size = max(0.2, 5.0 * deviation) * (abs(value) or 1.0)
+            size = max(0.2, 5.0 * deviation) * self.scales[str(action.port)]
             (unknown,) = self.numbers(action)
             return {unknown.name: unknown.within(value + size)}
         return moderate(action, self.reach(action))
@@ -466,7 +490,7 @@ class Search:
         """Where its search begins."""
         if action.effect == PARAMETER:
             value = self.trusted[str(action.port)][0]
-            size = abs(value) or 1.0
+            size = self.scales[str(action.port)]
             (unknown,) = self.numbers(action)
             near = dict.fromkeys(unknown.within(value + part * size) for part in (0.2, -0.2, 0.8))
             return [{unknown.name: v} for v in near if v != value]
@@ -578,7 +602,7 @@ class Search:
             wide = self.wide
             for name, value in self.free.items():
                 variable = self.model.system.variable(Port(*name.split(".", 1)))
-                size = abs(value) or 1.0
+                size = self.scales[name]
                 low, high = max(variable.low, value - 50.0 * size), min(variable.high, value + 50.0 * size)
                 wide.append(
                     Unknown(
@@ -676,7 +700,7 @@ class Search:
             key = f"{PARAMETER}|{name}"
             if any(k == key for k in at):
                 continue  # it is a cause here
-            step = deviation * (abs(value) or 1.0)
+            step = deviation * self.scales[name]
             try:
                 moved_one = model({**at, key: value + step})
             except SimulationError:
@@ -686,7 +710,7 @@ class Search:
                 self.slopes[name] = rows[-1]
         for name in self.free:
             key = f"{PARAMETER}|{name}"
-            step = 0.02 * (abs(at[key]) or 1.0)
+            step = 0.02 * (abs(at[key]) or self.scales[name])
             try:
                 moved_one = model({**at, key: at[key] + step})
             except SimulationError:
@@ -1093,7 +1117,7 @@ class Search:
         for name, slope in self.slopes.items():
             value, deviation = self.trusted[name]
             (size,) = self.moderate(parameter(name)).values()
-            times = (size - value) / (deviation * (abs(value) or 1.0))
+            times = (size - value) / (deviation * self.scales[name])
             changes[name] = {n: times * s for n, s in slope.items()}
         if leading is not None:
             here, there = (self.problem.model(f.values) for f in (self.null.fit, leading.fit))
@@ -1236,7 +1260,7 @@ class Search:
         """A parameter's value followed from the first part of the log, where no size of it is out of step, to the whole."""
         (unknown,) = self.numbers(action)
         value = self.trusted[str(action.port)][0]
-        start = {unknown.name: unknown.within(value + OFF_STEP * (abs(value) or 1.0))}
+        start = {unknown.name: unknown.within(value + OFF_STEP * self.scales[str(action.port)])}
         for part in HORIZONS:
             with self.model.first(part) as counts, self.problem.first(counts):
                 fit = self.problem.fit([unknown], {**base.fit.values, **start}, HORIZON_STEPS)
@@ -1535,7 +1559,7 @@ class Search:
         for name in others:
             variable = self.model.system.variable(Port(*name.split(".", 1)))
             value, relative = self.trusted[name]
-            size, key = relative * (abs(value) or 1.0), f"{PARAMETER}|{name}"
+            size, key = relative * self.scales[name], f"{PARAMETER}|{name}"
             low, high = max(variable.low, value - SURE * size), min(variable.high, value + SURE * size)
             unknown = Unknown(key, low, high, size, size, value)
             unknowns.append(unknown)
@@ -1642,7 +1666,7 @@ class Search:
         prefix = f"{PARAMETER}|"
         for name, (value, deviation) in self.trusted.items():
             if (own := candidate.fit.values.get(prefix + name)) is not None:
-                at[prefix + name] = (own - value) / (deviation * (abs(value) or 1.0))
+                at[prefix + name] = (own - value) / (deviation * self.scales[name])
         return tuple(
             n.removeprefix(prefix) for n, v in at.items() if n.startswith(prefix) and abs(v) > ALMOST * SURE
         )
@@ -1751,14 +1775,16 @@ class Search:
         if action.effect == PARAMETER:
             name = str(action.port)
             value, deviation = self.trusted[name]
-            return abs(fit.values[f"{PARAMETER}|{name}"] - value) <= 3.0 * deviation * (abs(value) or 1.0)
+            return abs(fit.values[f"{PARAMETER}|{name}"] - value) <= 3.0 * deviation * self.scales[name]
         return False
 
     def _as_programs_differ(self, action: Action, fit: Fit, agreed: Fit) -> bool:
         """Whether a parameter is off by no more than trust, and what two programs make of one model, allow together."""
         name = f"{PARAMETER}|{action.port}"
         value, deviation = self.trusted[str(action.port)]
-        allowed = np.sqrt((deviation * (abs(value) or 1.0)) ** 2 + _between_programs(name, fit, agreed))
+        allowed = np.sqrt(
+            (deviation * self.scales[str(action.port)]) ** 2 + _between_programs(name, fit, agreed)
+        )
         return bool(abs(fit.values[name] - value) <= SURE * allowed)
 
     def _none_within(self, action: Action, fit: Fit, agreed: Fit) -> bool:

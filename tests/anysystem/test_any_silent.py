@@ -11,6 +11,7 @@ import pytest
 from benchmarks.systems import parts
 from cosim.anysystem.pipeline import far_off
 from cosim.anysystem.search import Search
+from cosim.errors import SimulationError
 from cosim.inference.problem import Problem
 from cosim.inference.unknowns import Unknown
 
@@ -104,6 +105,31 @@ def test_the_error_of_a_solver_is_none_of_a_reading_that_is_far_smaller() -> Non
     assert coarse(1.0) == pytest.approx(0.02 * np.std(wave))
     assert coarse(1000.0) == pytest.approx(0.02 * np.std(wave))
     assert coarse(0.1) == pytest.approx(0.002 * np.std(wave))
+
+
+@pytest.mark.parametrize(
+    ("gain", "size"),
+    [(2e-4, 1e4), (0.5, 1.0), (50.0, 0.01), (0.0, 1.0)],
+    ids=["Pa", "about 1", "rad", "none"],
+)
+def test_a_parameter_of_zero_is_looked_for_in_the_decade_that_moves_the_model(
+    gain: float, size: float
+) -> None:
+    """One of its FMU's unit was the size of a friction that is off: 20 N were beyond twenty of them."""
+    wave = np.sin(0.1 * np.arange(500))
+    search = Search.__new__(Search)
+    search.base, search.spreads = {}, {"a.y": float(np.std(wave))}
+    search.trusted, search.free = {"a.friction": (0.0, 0.01), "a.mass": (-3.0, 0.01)}, {}
+
+    class Model(SimpleNamespace):
+        def __call__(self, values: dict[str, float]) -> dict[str, np.ndarray]:
+            if abs(values["parameter|a.friction"]) > 1e7:
+                raise SimulationError("it runs away")
+            return {"a.y": wave * (1.0 + gain * values["parameter|a.friction"])}
+
+    search.model = Model(whole=lambda series, signal: series[signal])  # type: ignore[assignment]
+    scales = search._scales({"a.y": wave})
+    assert scales == {"a.friction": pytest.approx(size), "a.mass": 3.0}
 
 
 @pytest.mark.skipif(parts.COMPILER is None, reason="no C compiler")
