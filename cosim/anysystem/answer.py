@@ -78,6 +78,7 @@ def answer(found: AnyDiagnosis, package: Packages | None = None, file: Path | No
             ),
             *found.notes,
         ],
+        advice=found.advice,
         held_out=held_out(found),
         refused=[
             RefusedCause(effect=a.words, block=block_of(f, a), why=why, parameters=nearest(found, f, a))

@@ -20,6 +20,7 @@ from cosim.ssp.flatten import flatten
 from cosim.ssp.system import FOUND, System, Value
 from cosim.ssp.write import NAMESPACES, SSC, SSD, SSV, structure_bytes, write_archive, xml_bytes
 from cosim.ssp.xml import parse
+from cosim.system.effects import EFFECTS
 from fmus.build import build_fmu
 from fmus.compose import Composed, compose
 from fmus.port_effect import BLOCK
@@ -115,7 +116,7 @@ def write_package(
     entries, root = opened(system)
     node = root.find("ssd:System", NAMESPACES)
     with Scratch("extended_") as scratch:
-        for action, starts in effects:
+        for action, starts in in_turn(effects):
             if not starts:
                 continue
             name = element_name(action)
@@ -129,6 +130,15 @@ def write_package(
             bind(element, {parameter: value}, label)
     entries[DESCRIPTION] = structure_bytes(root)
     return write_archive(entries, destination)
+
+
+def in_turn(effects: Sequence[tuple[Action, Starts]]) -> list[tuple[Action, Starts]]:
+    """Effects in the turn in which they go into the wires, so that the signal passes those at one port as it did in the fit.
+
+    Each goes next to its port: at an input the last one comes last, at an output first. Those of a reading follow another.
+    """
+    turn = {effect: k for k, effect in enumerate(EFFECTS)}
+    return sorted(effects, key=lambda e: turn[e[0].effect] * (-1 if e[0].where == "output" else 1))
 
 
 def opened(system: System) -> tuple[dict[str, bytes], etree._Element]:
@@ -198,7 +208,10 @@ def insert(system: etree._Element, action: Action, name: str) -> None:
             outer = etree.Element(f"{{{SSD}}}Connectors")
             system.insert(0, outer)
         connector(outer, shown, "output")
-        connect(wires, port, {"Element": name, "Connector": "u"})
+        ending = f"_{kind_of(action.port)}_sensor"
+        before = [n for e in elements if (n := e.get("name", "")).endswith(ending) and n != name]
+        source = {"Element": before[-1], "Connector": "y"} if before else port
+        connect(wires, source, {"Element": name, "Connector": "u"})
         connect(wires, {"Element": name, "Connector": "y"}, {"Connector": shown})
         return
     other = "u" if action.where == "input" else "y"

@@ -58,6 +58,7 @@ class AnyDiagnosis:
         unjudged: group -> why.
         held: how many of the logs, the last ones, are held out.
         notes: what the user should know.
+        advice: those of the notes that say what to correct before anything else.
         budget: the time allowed, and what was left out for it.
         stage: what goes on.
         proposal: the next experiment.
@@ -78,6 +79,7 @@ class AnyDiagnosis:
     held: int = 0
     votes: dict[tuple[str, Action], dict[str, float]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    advice: list[str] = field(default_factory=list)
     verdict: str = ""
     structure: Structure = field(default_factory=lambda: Structure((), ()))
     runs: int = 0
@@ -336,7 +338,8 @@ def judge(
     model = model_of(found, group, runs, segments, options)
     still_inputs = unmeasured(found.system, group)
     stated = options.given
-    found.notes += assumed(group, still_inputs, stated, trust)
+    switches = [n for n in still_inputs if found.system.variable(Port(*n.split(".", 1))).kind == "Boolean"]
+    found.notes += assumed(group, still_inputs, stated, trust, switches)
     search = Search(model, trust, options.exclude, options.causes, found.budget)
     found.notes += [
         f"{group.name} is not deterministic: two runs differ by {size:.3g} in {signal} (RMS), which counts as noise"
@@ -375,7 +378,9 @@ def judge(
         return
     found.findings[group.name] = finding
     found.notes += [f"{group.name}: a candidate was refused: {text}" for text in search.problem.failures]
-    found.notes += at_limits(finding) + own_steps(finding) + far_off(finding)
+    beyond = far_off(finding)
+    found.notes += at_limits(finding) + own_steps(finding) + beyond
+    found.advice += beyond
     if finding.unexplained:
         return
     for one in (finding, *healthy):
@@ -594,15 +599,22 @@ def begins(model: GroupModel, options: AnyOptions) -> dict[str, float]:
 
 
 def assumed(
-    group: CutGroup, inputs: Mapping[str, float | None], stated: Collection[str], trust: Trust
+    group: CutGroup,
+    inputs: Mapping[str, float | None],
+    stated: Collection[str],
+    trust: Trust,
+    switches: Collection[str] = (),
 ) -> list[str]:
-    """What is taken for granted of inputs that were not measured, in one sentence for the group."""
+    """What is taken for granted of inputs that were not measured, in one sentence for the group; `switches` are Boolean."""
     guessed = {
         n: v for n, v in inputs.items() if n not in stated and n not in trust.free and n not in trust.trusted
     }
     if not guessed:
         return []
-    words = [f"{n} ({'no start value' if v is None else f'{v:g}'})" for n, v in guessed.items()]
+    words = [
+        f"{n} ({'no start value' if v is None else str(bool(v)).lower() if n in switches else f'{v:g}'})"
+        for n, v in guessed.items()
+    ]
     more = f" and {len(words) - SHOWN} more" if len(words) > SHOWN else ""
     return [
         f"assumed: inputs of {group.name} that were not measured stay at their start values: "

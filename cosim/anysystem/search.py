@@ -81,6 +81,7 @@ AGREES = 1e-3  # of a log-likelihood: two fits that differ by less ended in one 
 NOTHING = 0.01  # log-likelihood: a number that changes no more is not told
 RUNAWAY = 1e9  # spreads of a signal: a model that a small change moves so far is unstable there
 MOST = 3  # causes in a group
+DECADES = 9  # of an FMU's unit: from nano to giga
 EARLY = 1.0  # samples, at most
 FAR_MORE = 20.0  # log-likelihood: two ways to hand inputs over differ by less than 1 for each input where slopes hold
 FAR_LESS = (
@@ -296,6 +297,7 @@ class Search:
         with model.runs.exact():
             first = model({**self.base})  # raises where the system itself cannot be run
             self._check(first)
+            self.scales = self._scales(first)
             if not model.differs:
                 model.runs.forget()
                 again = model({**self.base})
@@ -348,6 +350,28 @@ class Search:
                     found[Action("port.dropout", port, "sensor")] = stale
         return found
 
+    def _scales(self, first: Mapping[str, Array]) -> dict[str, float]:
+        """Size of each trusted or free parameter: its value, or of one that is 0 a decade that moves the model."""
+        values = {n: v for n, (v, _) in self.trusted.items()} | self.free
+        return {n: abs(v) or self._decade(n, first) for n, v in values.items()}
+
+    def _decade(self, name: str, first: Mapping[str, Array]) -> float:
+        """Power of ten of a parameter that moves the model most nearly as much as a reading varies; 1 where none does."""
+        tried = dict[int, float]()
+        power = 0
+        while (
+            power not in tried and abs(power) <= DECADES and not (power > 2 and min(tried.values()) == np.inf)
+        ):
+            try:
+                moved = self.model({**self.base, f"{PARAMETER}|{name}": 10.0**power})
+                change = max(self._difference(first, moved, s) / self.spreads[s] for s in self.spreads)
+            except SimulationError:
+                change = np.inf
+            tried[power] = abs(float(np.log(change))) if 0.0 < change < np.inf else np.inf
+            power += 1 if change < 1.0 else -1
+        best = min(tried, key=lambda p: tried[p])
+        return 10.0**best if tried[best] < np.inf else 1.0
+
     def _difference(self, one: Mapping[str, Array], other: Mapping[str, Array], signal: str) -> float:
         """RMS by which two runs of the same differ: 0 for a system that is deterministic."""
         difference = self.model.whole(one, signal) - self.model.whole(other, signal)
@@ -369,7 +393,10 @@ class Search:
         inside = model.group.components
         part = 1.0 if any(model.system.components[c].fmu.tolerance for c in inside) else 2.0
         found = {s: part * self._difference(first, fine, s) for s, _ in model.group.judged}
-        return {s: size for s, size in found.items() if np.isfinite(size)}
+        # of a model far beyond its reading, as in another unit, the error falls with all that brings it there
+        ranges = {s: float(np.std(model.whole(first, s))) for s in found}
+        shares = {s: min(1.0, self.spreads[s] / max(ranges[s], 1e-300)) for s in found}
+        return {s: shares[s] * size for s, size in found.items() if np.isfinite(size)}
 
     def _matters(self, signal: str) -> float:
         """RMS of what matters: less is nobody's concern, or the error of the model's own solvers."""
@@ -440,7 +467,7 @@ class Search:
             name = str(action.port)
             value = self.trusted[name][0]
             variable = self.model.system.variable(action.port)
-            size = abs(value) or 1.0
+            size = self.scales[name]
             low, high = max(variable.low, value - 20.0 * size), min(variable.high, value + 20.0 * size)
             if value > 0.0:
                 low = max(low, 1e-3 * value)  # a sign that turns is another model
@@ -451,7 +478,7 @@ class Search:
         """A moderate size of it; nothing for what a reading shows by itself."""
         if action.effect == PARAMETER:
             value, deviation = self.trusted[str(action.port)]
-            size = max(0.2, 5.0 * deviation) * (abs(value) or 1.0)
+            size = max(0.2, 5.0 * deviation) * self.scales[str(action.port)]
             (unknown,) = self.numbers(action)
             return {unknown.name: unknown.within(value + size)}
         return moderate(action, self.reach(action))
@@ -463,7 +490,7 @@ class Search:
         """Where its search begins."""
         if action.effect == PARAMETER:
             value = self.trusted[str(action.port)][0]
-            size = abs(value) or 1.0
+            size = self.scales[str(action.port)]
             (unknown,) = self.numbers(action)
             near = dict.fromkeys(unknown.within(value + part * size) for part in (0.2, -0.2, 0.8))
             return [{unknown.name: v} for v in near if v != value]
@@ -575,7 +602,7 @@ class Search:
             wide = self.wide
             for name, value in self.free.items():
                 variable = self.model.system.variable(Port(*name.split(".", 1)))
-                size = abs(value) or 1.0
+                size = self.scales[name]
                 low, high = max(variable.low, value - 50.0 * size), min(variable.high, value + 50.0 * size)
                 wide.append(
                     Unknown(
@@ -673,7 +700,7 @@ class Search:
             key = f"{PARAMETER}|{name}"
             if any(k == key for k in at):
                 continue  # it is a cause here
-            step = deviation * (abs(value) or 1.0)
+            step = deviation * self.scales[name]
             try:
                 moved_one = model({**at, key: value + step})
             except SimulationError:
@@ -683,7 +710,7 @@ class Search:
                 self.slopes[name] = rows[-1]
         for name in self.free:
             key = f"{PARAMETER}|{name}"
-            step = 0.02 * (abs(at[key]) or 1.0)
+            step = 0.02 * (abs(at[key]) or self.scales[name])
             try:
                 moved_one = model({**at, key: at[key] + step})
             except SimulationError:
@@ -1090,7 +1117,7 @@ class Search:
         for name, slope in self.slopes.items():
             value, deviation = self.trusted[name]
             (size,) = self.moderate(parameter(name)).values()
-            times = (size - value) / (deviation * (abs(value) or 1.0))
+            times = (size - value) / (deviation * self.scales[name])
             changes[name] = {n: times * s for n, s in slope.items()}
         if leading is not None:
             here, there = (self.problem.model(f.values) for f in (self.null.fit, leading.fit))
@@ -1233,7 +1260,7 @@ class Search:
         """A parameter's value followed from the first part of the log, where no size of it is out of step, to the whole."""
         (unknown,) = self.numbers(action)
         value = self.trusted[str(action.port)][0]
-        start = {unknown.name: unknown.within(value + OFF_STEP * (abs(value) or 1.0))}
+        start = {unknown.name: unknown.within(value + OFF_STEP * self.scales[str(action.port)])}
         for part in HORIZONS:
             with self.model.first(part) as counts, self.problem.first(counts):
                 fit = self.problem.fit([unknown], {**base.fit.values, **start}, HORIZON_STEPS)
@@ -1468,7 +1495,7 @@ class Search:
             ratio, why = self._left(best.fit, wrong), ""
             if any(self._silences(action, best.fit) for action in best.actions):
                 why = "may be zero: the log then shows nothing of what the model hands on there"
-            elif self._as_a_constant(best.fit, wrong):
+            elif self._as_a_constant(errors(finding, extended(finding, best)), wrong):
                 why = "explains no more of the log than a constant reading would"
             elif ratio > BETTER and not self._borne_out(best, finding.fitted.fit, wrong, left):
                 why = (
@@ -1532,7 +1559,7 @@ class Search:
         for name in others:
             variable = self.model.system.variable(Port(*name.split(".", 1)))
             value, relative = self.trusted[name]
-            size, key = relative * (abs(value) or 1.0), f"{PARAMETER}|{name}"
+            size, key = relative * self.scales[name], f"{PARAMETER}|{name}"
             low, high = max(variable.low, value - SURE * size), min(variable.high, value + SURE * size)
             unknown = Unknown(key, low, high, size, size, value)
             unknowns.append(unknown)
@@ -1639,7 +1666,7 @@ class Search:
         prefix = f"{PARAMETER}|"
         for name, (value, deviation) in self.trusted.items():
             if (own := candidate.fit.values.get(prefix + name)) is not None:
-                at[prefix + name] = (own - value) / (deviation * (abs(value) or 1.0))
+                at[prefix + name] = (own - value) / (deviation * self.scales[name])
         return tuple(
             n.removeprefix(prefix) for n, v in at.items() if n.startswith(prefix) and abs(v) > ALMOST * SURE
         )
@@ -1748,14 +1775,16 @@ class Search:
         if action.effect == PARAMETER:
             name = str(action.port)
             value, deviation = self.trusted[name]
-            return abs(fit.values[f"{PARAMETER}|{name}"] - value) <= 3.0 * deviation * (abs(value) or 1.0)
+            return abs(fit.values[f"{PARAMETER}|{name}"] - value) <= 3.0 * deviation * self.scales[name]
         return False
 
     def _as_programs_differ(self, action: Action, fit: Fit, agreed: Fit) -> bool:
         """Whether a parameter is off by no more than trust, and what two programs make of one model, allow together."""
         name = f"{PARAMETER}|{action.port}"
         value, deviation = self.trusted[str(action.port)]
-        allowed = np.sqrt((deviation * (abs(value) or 1.0)) ** 2 + _between_programs(name, fit, agreed))
+        allowed = np.sqrt(
+            (deviation * self.scales[str(action.port)]) ** 2 + _between_programs(name, fit, agreed)
+        )
         return bool(abs(fit.values[name] - value) <= SURE * allowed)
 
     def _none_within(self, action: Action, fit: Fit, agreed: Fit) -> bool:
@@ -1773,12 +1802,11 @@ class Search:
         names = [n for n in self._off(action) if n.endswith("|gain") and n in {u.name for u in fit.unknowns}]
         return any(abs(fit.values[n]) <= 1.96 * fit.deviation(n) for n in names)
 
-    def _as_a_constant(self, fit: Fit, wrong: Collection[str]) -> bool:
-        """Whether each signal that stays wrong is as far from the model as from its own mean.
+    def _as_a_constant(self, residual: Mapping[str, Array], wrong: Collection[str]) -> bool:
+        """Whether each signal that stays wrong is as far from the model's own run as from its own mean.
 
         A model that is far off, such as one in another unit, comes nearer by whatever silences it.
         """
-        residual = self.problem.residuals(fit.values)
         return all(
             np.sqrt(np.mean(self._part(residual, s, False) ** 2))
             > CONSTANT * np.std(self._part(self.problem.measured, s, False))

@@ -348,6 +348,8 @@ def _system_facts(path: Path) -> dict[str, Any]:
             heard: dict[str, list[str]] = {}
             for target, (source, _, _) in fed.items():
                 heard.setdefault(str(source) if source.component else source.variable, []).append(str(target))
+            for outer, port in system.outputs.items():
+                heard.setdefault(str(port), []).append(f"{outer} (to outside)")
             connectors = [
                 {
                     "connector": name,

@@ -22,16 +22,16 @@ BLOCKS = 20  # parts of the fitted log by which the intervals are checked
 CHANCE = 1e-3  # probability below which a larger spread between parts is no chance
 
 
-def described(direction: Array, deviation: float, names: Sequence[str], parts: Array) -> Undetermined:
+def described(direction: Array, deviation: float, names: Sequence[str], at: Array) -> Undetermined:
     """A direction that is not seen, in words.
 
     Args:
         direction: (p,) in sizes.
         deviation: standard deviation of a step along it.
         names: of the unknowns.
-        parts: (p,) size over value of each, so that the changes are in parts of the values.
+        at: (p,) their values in sizes: the changes are in parts of the value, or of the size where that is more.
     """
-    direction = direction * parts
+    direction = direction / np.maximum(np.abs(at), 1.0)
     largest = float(np.abs(direction).max())
     direction = direction / direction[np.argmax(np.abs(direction))]
     deviation = deviation * largest

@@ -51,7 +51,7 @@ class Undetermined:
     """A change of parameters that the log does not see.
 
     Attributes:
-        changes: parameter -> change in parts of its value (of its size where that is 0), the largest 1.
+        changes: parameter -> change in parts of its value (of its size where that is more), the largest 1.
         deviation: standard deviation of the whole change in the same measure; infinite where nothing moves at all.
         why: one sentence.
     """
@@ -59,6 +59,11 @@ class Undetermined:
     changes: dict[str, float]
     deviation: float
     why: str
+
+    @property
+    def most(self) -> str:
+        """The parameter that changes most: it is kept, and the others are fitted."""
+        return max(self.changes, key=lambda name: abs(self.changes[name]))
 
 
 @dataclass(frozen=True)

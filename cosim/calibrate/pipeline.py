@@ -151,10 +151,10 @@ def _determined(problem: Problem, options: Options) -> tuple[Found, list[Undeter
         unseen |= {
             n: max(d, unseen.get(n, 0.0)) for n, d in zip(names, seen.own.tolist(), strict=True) if d > BLIND
         }
-        # where a value is 0 its size stands for it
-        parts = np.array([1.0 / abs(found.z[i]) if found.z[i] != 0.0 else 1.0 for i in judged])
-        blind.append(described(seen.directions[worst], float(seen.deviations[worst]), names, parts))
-        kept = names[int(np.argmax(np.abs(seen.directions[worst])))]
+        at = np.array([found.z[i] for i in judged])
+        blind.append(described(seen.directions[worst], float(seen.deviations[worst]), names, at))
+        kept = blind[-1].most
+        unseen.setdefault(kept, float(seen.own[names.index(kept)]))
         rest = np.array([z for u, z in zip(unknowns, found.z, strict=True) if u.name != kept])
         problem.fix(kept)
         found = refined(problem, rest, found.starts, options.coloured)

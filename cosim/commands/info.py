@@ -129,7 +129,13 @@ def _ssp_line(facts: dict[str, Any]) -> str:
     if "connectors" not in facts:
         return f"{facts['file']}: system package (SSP)"
     inputs = [] if facts["inputs"] == "none" else facts["inputs"].split(", ")
-    outside = f"driven from outside by {', '.join(inputs)}" if inputs else "with its own stimulus"
+    open_ = [row["connector"] for row in facts["connectors"] if row["joined with"] == "nothing"]
+    own = (
+        f"driven by a log at {', '.join(open_)}, which nothing in it feeds"
+        if open_
+        else "with its own stimulus"
+    )
+    outside = f"driven from outside by {', '.join(inputs)}" if inputs else own
     told = [f"{facts['file']}: system of {len(facts['parts'])} components (SSP), {outside}"]
     names = BLOCK_NAMES if ours(facts["file"]) else {}
     for part in facts["parts"]:

@@ -188,9 +188,10 @@ class Comparator:
         for port in ports:
             starts = self.system.components[port.component].starts
             value = given.get(str(port), starts.get(port.variable, self.system.variable(port).start))
-            shown.append(f"{port} ({value:g})" if isinstance(value, float) else f"{port} ({value})")
-        told = f"assumed: inputs that were not measured stay as they start: {', '.join(shown)}"
-        return [told] if shown else []
+            told = str(value).lower() if isinstance(value, bool) else value
+            shown.append(f"{port} ({told:g})" if isinstance(told, float) else f"{port} ({told})")
+        text = f"assumed: inputs that were not measured stay as they start: {', '.join(shown)}"
+        return [text] if shown else []
 
     def missing(self, name: str) -> tuple[str, ...]:
         """Inputs of the model that the log would need to hold for this signal to follow from the command."""

@@ -137,7 +137,8 @@ class TextSource(Source):
         ]
         if above is not None:
             labels = list(above.labels)
-        super().__init__(path, labels if export is None else export.labels)
+        super().__init__(path, labels if export is None else export.labels[1:])
+        self._lead = 0 if export is None else 1  # the names of an export's lines, no values
         self._above = 0 if header else remarks
         self._named = self._width if above is None else above.named
         if self._above:
@@ -188,6 +189,7 @@ class TextSource(Source):
 
     def read(self, indices: Sequence[int]) -> list[Array]:
         """See `Source.read`."""
+        indices = [k + self._lead for k in indices]
         try:
             columns = self._read_as(indices, self._decimal or ".")
         except _DecimalCommaError:
@@ -290,7 +292,7 @@ class TextSource(Source):
         inner = _BREAK.split(cell)[1:]
         if any(part.count(self._separator) >= self._width - 2 for part in inner):
             raise DataError(
-                f"{self.path}: row {line}, column '{self.labels[min(k, self._width - 1)].text}': a quotation mark opens a"
+                f"{self.path}: row {line}, column '{self._heading(min(k, self._width - 1))}': a quotation mark opens a"
                 f" cell that ends in row {end} only and swallows the rows between: delete it, or close it"
             )
 
@@ -339,7 +341,7 @@ class TextSource(Source):
         except ValueError as error:
             row = int(error.args[0])
             raise DataError(
-                f"{self.path}: {self.at(row)}, column '{self.labels[k].text}': '{texts[row][:30]}' is not a date and time"
+                f"{self.path}: {self.at(row)}, column '{self._heading(k)}': '{texts[row][:30]}' is not a date and time"
                 " as those before it"
             ) from None
 
@@ -379,9 +381,13 @@ class TextSource(Source):
             return truth
         shown = text if len(text) <= 30 else text[:30] + "..."
         raise DataError(
-            f"{self.path}: row {line}, column '{self.labels[k].text}': '{shown}' is not a number"
+            f"{self.path}: row {line}, column '{self._heading(k)}': '{shown}' is not a number"
             " (a missing value is an empty cell or NaN)"
         )
+
+    def _heading(self, k: int) -> str:
+        """Of the `k`-th column of the table."""
+        return self.labels[k - self._lead].text if k >= self._lead else controldesk.FIRST
 
     def _width_message(self, line: int, cells: list[str]) -> str:
         text = f"{self.path}: row {line} has {len(cells)} cells where the header has {self._width}"

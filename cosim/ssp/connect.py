@@ -1,6 +1,6 @@
 """Connectors and connections of an IN_SSD, checked against the FMUs and turned into wires."""
 
-from collections.abc import Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 from lxml import etree
@@ -8,7 +8,7 @@ from lxml import etree
 from cosim.errors import ModelError
 from cosim.ssp.hints import did_you_mean
 from cosim.ssp.parameters import linear
-from cosim.ssp.quantities import UnitDefinition, agree, from_xml
+from cosim.ssp.quantities import UnitDefinition, agree, definition, from_xml
 from cosim.ssp.system import NUMERIC, Component, Port, SystemInput, Variable, Wire, alike
 from cosim.ssp.xml import IN_SSC, IN_SSD
 
@@ -19,6 +19,9 @@ _CAUSALITIES = {
     "calculatedParameter": "calculatedParameter",
 }
 
+
+_PLAIN = ("", "1", "-")
+"""What exporters write as the unit where they know of none."""
 
 WIDENING = ("Integer", "Real")
 """What a connection may change without loss; SSP leaves conversions to who implements it."""
@@ -40,13 +43,13 @@ class _Connector(NamedTuple):
 
 
 def connect(
-    system: etree._Element, components: Mapping[str, Component], problems: list[str], notes: list[str]
+    system: etree._Element, components: dict[str, Component], problems: list[str], notes: list[str]
 ) -> Connected:
     """Wires and system connectors.
 
     Args:
         system: the System element.
-        components: by name.
+        components: by name; where an FMU states no unit, its variable gets that of the connector here.
         problems: what is wrong is appended here.
         notes: what the user should know is appended here.
     """
@@ -57,7 +60,7 @@ class _Wiring:
     def __init__(
         self,
         system: etree._Element,
-        components: Mapping[str, Component],
+        components: dict[str, Component],
         problems: list[str],
         notes: list[str],
     ) -> None:
@@ -125,6 +128,18 @@ class _Wiring:
             self.problems.append(
                 f"connector {component}.{name} is in '{connector.unit}', but its variable in '{variable.unit}': correct it"
             )
+        self.adopt(Port(component, name), connector.unit)
+
+    def adopt(self, port: Port, unit: str) -> None:
+        """Give a variable of which the FMU states no unit the one that the package states."""
+        part = self.components[port.component]
+        variable = part.fmu.variables[port.variable]
+        meant = definition(unit, self.units)
+        if variable.unit or variable.kind != "Real" or unit in _PLAIN or meant is None:
+            return
+        known = {**part.fmu.variables, port.variable: replace(variable, unit=unit)}
+        fmu = replace(part.fmu, variables=known, units={unit: meant, **part.fmu.units})
+        self.components[port.component] = replace(part, fmu=fmu)
 
     def read(self) -> Connected:
         for connection in self.system.iterfind(f"{IN_SSD}Connections/{IN_SSD}Connection"):
@@ -223,6 +238,8 @@ class _Wiring:
             raise ModelError(
                 f"{what}: units '{connector.unit}' and '{variable.unit}' differ: give both ends the same"
             )
+        if (factor, offset) == (1.0, 0.0):
+            self.adopt(inner, connector.unit)
         if kind == "input":
             self.numbers(what, variable, (factor, offset))
             self.feed(inner, f"system input '{outer.variable}'")

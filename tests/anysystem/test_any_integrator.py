@@ -72,7 +72,7 @@ def test_a_parameter_is_no_cause_within_what_two_programs_make_of_one_model(valu
     fit = Fit({name: value}, np.array([[noise**2]]), (unknown,), np.zeros(1), 0.0)
     agreed = replace(fit, covariance=np.array([[noise**2 + programs**2]]))
     search = Search.__new__(Search)
-    search.trusted = {"part.scale": (20.0, 0.01)}
+    search.trusted, search.scales = {"part.scale": (20.0, 0.01)}, {"part.scale": 20.0}
     assert search._as_programs_differ(Action(PARAMETER, Port("part", "scale")), fit, agreed) is not named
 
 

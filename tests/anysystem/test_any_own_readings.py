@@ -111,6 +111,7 @@ def test_an_estimate_that_a_switch_within_a_component_holds_is_left_for_a_better
     problem.noise["tank.y#0"] = Noise(1e-4)
     search = Search.__new__(Search)
     search.problem, search.budget, search.trusted = problem, Budget(), {"tank.r": (7.0, 0.01)}
+    search.scales = {"tank.r": 7.0}
     search.by_log = ()
     search.model = SimpleNamespace(  # type: ignore[assignment]
         group=SimpleNamespace(judged=(("tank.y", Port("tank", "y")),)),

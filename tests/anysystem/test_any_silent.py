@@ -1,6 +1,7 @@
 """A model that is far off comes nearer by whatever silences it: that is no cause."""
 
 import json
+from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -9,6 +10,8 @@ import pytest
 
 from benchmarks.systems import parts
 from cosim.anysystem.pipeline import far_off
+from cosim.anysystem.search import Search
+from cosim.errors import SimulationError
 from cosim.inference.problem import Problem
 from cosim.inference.unknowns import Unknown
 
@@ -45,6 +48,7 @@ def test_what_silences_a_model_that_has_nothing_to_do_with_the_log_is_no_cause(
     said = " ".join(r["why"] for r in found["refused"])
     assert "no more of the log than a constant" in said or "may be zero" in said
     assert any("check units, signs" in w for w in found["warnings"])
+    assert any("check units, signs" in text for text in found["advice"])  # which the terminal shows
 
 
 def test_how_far_a_model_is_off_is_told_of_its_own_run() -> None:
@@ -68,6 +72,64 @@ def test_how_far_a_model_is_off_is_told_of_its_own_run() -> None:
     (said,) = far_off(finding)  # type: ignore[arg-type]
     size = float(said.partition("errs ")[2].split()[0])
     assert size == pytest.approx(8.0 * np.sqrt(np.mean(ramp**2)) / np.std(ramp), rel=0.05)
+
+
+def test_the_error_of_a_solver_is_none_of_a_reading_that_is_far_smaller() -> None:
+    """Of a model in millimetres beside a reading in metres its error would make everything noise."""
+    wave = np.sin(0.1 * np.arange(500))
+
+    class Model:
+        """Whose run at finer steps differs by a hundredth."""
+
+        runs = SimpleNamespace(finer=nullcontext, can_halve=lambda unit, h: True)
+        segments = (SimpleNamespace(h=0.01),)
+        cuts = ()
+        system = SimpleNamespace(components={"a": SimpleNamespace(fmu=SimpleNamespace(tolerance=None))})
+        group = SimpleNamespace(components=("a",), judged=(("a.y", None),))
+
+        def __init__(self, size: float) -> None:
+            self.own = {"a.y": size * wave}
+
+        def __call__(self, values: dict[str, float]) -> dict[str, np.ndarray]:
+            return {"a.y": 1.01 * self.own["a.y"]}
+
+        def whole(self, series: dict[str, np.ndarray], signal: str) -> np.ndarray:
+            return series[signal]
+
+    def coarse(size: float) -> float:
+        search = Search.__new__(Search)
+        search.model = Model(size)  # type: ignore[assignment]
+        search.spreads, search.base = {"a.y": float(np.std(wave))}, {}
+        return search._coarse(search.model.own)["a.y"]  # type: ignore[arg-type]
+
+    assert coarse(1.0) == pytest.approx(0.02 * np.std(wave))
+    assert coarse(1000.0) == pytest.approx(0.02 * np.std(wave))
+    assert coarse(0.1) == pytest.approx(0.002 * np.std(wave))
+
+
+@pytest.mark.parametrize(
+    ("gain", "size"),
+    [(2e-4, 1e4), (0.5, 1.0), (50.0, 0.01), (0.0, 1.0)],
+    ids=["Pa", "about 1", "rad", "none"],
+)
+def test_a_parameter_of_zero_is_looked_for_in_the_decade_that_moves_the_model(
+    gain: float, size: float
+) -> None:
+    """One of its FMU's unit was the size of a friction that is off: 20 N were beyond twenty of them."""
+    wave = np.sin(0.1 * np.arange(500))
+    search = Search.__new__(Search)
+    search.base, search.spreads = {}, {"a.y": float(np.std(wave))}
+    search.trusted, search.free = {"a.friction": (0.0, 0.01), "a.mass": (-3.0, 0.01)}, {}
+
+    class Model(SimpleNamespace):
+        def __call__(self, values: dict[str, float]) -> dict[str, np.ndarray]:
+            if abs(values["parameter|a.friction"]) > 1e7:
+                raise SimulationError("it runs away")
+            return {"a.y": wave * (1.0 + gain * values["parameter|a.friction"])}
+
+    search.model = Model(whole=lambda series, signal: series[signal])  # type: ignore[assignment]
+    scales = search._scales({"a.y": wave})
+    assert scales == {"a.friction": pytest.approx(size), "a.mass": 3.0}
 
 
 @pytest.mark.skipif(parts.COMPILER is None, reason="no C compiler")

@@ -8,13 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 import systems
+from lxml import etree
 
 from benchmarks.systems.truth import Hidden
-from cosim.anysystem.extend import NAMES
+from cosim.anysystem.actions import Action
+from cosim.anysystem.extend import NAMES, element_name, in_turn, insert
 from cosim.logs.source import digest
 from cosim.master import Runner
 from cosim.native.build import build_native
+from cosim.ssp.system import Port
 from cosim.ssp.traceability import embedded
+from cosim.ssp.write import NAMESPACES
 from cosim.system.effects import EFFECTS
 from fmus.build import build_fmu
 from fmus.compose import compose
@@ -32,6 +36,34 @@ SIZES = {
     "port.quantisation": {"quantum": 0.1},
     "port.drift": {"rate": 0.1},
 }
+
+
+@pytest.mark.parametrize(
+    ("port", "where", "way"),
+    [
+        (Port("a", "y"), "output", ["a", "dead_zone_a_y_output", "rate_limit_a_y_output", "b"]),
+        (Port("b", "u"), "input", ["a", "dead_zone_b_u_input", "rate_limit_b_u_input", "b"]),
+        (Port("a", "y"), "sensor", ["a", "dead_zone_a_y_sensor", "rate_limit_a_y_sensor", ""]),
+    ],
+)
+@pytest.mark.parametrize("first", [0, 1])
+def test_effects_at_one_port_stand_in_the_order_of_the_fit(
+    port: Port, where: str, way: list[str], first: int
+) -> None:
+    """A rate limit before a dead zone hears the jumps that it does not hear behind one."""
+    ssd = NAMESPACES["ssd"]
+    root = etree.fromstring(
+        f"<s:System xmlns:s='{ssd}' name='s'><s:Elements><s:Component name='a'/><s:Component name='b'/></s:Elements>"
+        "<s:Connections><s:Connection startElement='a' startConnector='y' endElement='b' endConnector='u'/>"
+        "</s:Connections></s:System>"
+    )
+    both = [(Action(effect, port, where), {"x": 1.0}) for effect in ("port.dead_zone", "port.rate_limit")]
+    for action, _ in in_turn(both if first == 0 else both[::-1]):
+        insert(root, action, element_name(action))
+    follows = {}
+    for wire in root.iter(f"{{{ssd}}}Connection"):
+        follows.setdefault(wire.get("startElement"), []).append(wire.get("endElement", ""))
+    assert [follows[name][-1] for name in way[:-1]] == way[1:]
 
 
 def test_every_effect_of_the_search_is_that_of_the_fmu_in_the_wire(tmp_path: Path) -> None:

@@ -1,8 +1,10 @@
 """Texts that name free parameters: what they mean, and what is refused in words that help."""
 
+import numpy as np
 import pytest
 
 from cosim.calibrate import read_free
+from cosim.calibrate.determined import described
 from cosim.errors import UsageError
 from cosim.ssp.read import read_system
 
@@ -77,3 +79,13 @@ def test_what_makes_no_sense_is_refused(system, texts, priors, message):
 def test_a_start_that_was_set_outside_the_bounds_is_refused(system):
     with pytest.raises(UsageError, match="outside"):
         read_free(system, ["mechanical.J=700:900 kg.m2"], values={"mechanical.J": 1000.0})
+
+
+def test_what_is_kept_is_among_what_is_said_not_to_be_seen():
+    """A lag that ends at a hundredth of its start is no hundred times less sure than a preload that stays where it was."""
+    blind = described(np.array([0.45, 0.89]), 0.8, ["preload", "lag"], np.array([1.0, 0.01]))
+    assert set(blind.changes) == {"preload", "lag"}
+    assert blind.most == "lag"
+    far = described(np.array([0.45, 0.89]), 0.8, ["preload", "lag"], np.array([1.0, 50.0]))
+    assert (set(far.changes), far.most) == ({"preload"}, "preload")
+    assert "preload uncertain by 36 %" in far.why

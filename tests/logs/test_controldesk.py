@@ -159,3 +159,11 @@ def test_a_recorded_trace_without_its_axis_is_refused(tmp_path):
     savemat(file, content)
     with pytest.raises(DataError, match=r"trace 'Root/Angles/Arm/In1' has 7 values and no axis"):
         overview(file)
+
+
+def test_the_names_of_the_lines_are_no_column(write):
+    found = overview(write(export(), encoding="cp949"))
+    assert [c.label.text for c in found.columns][:2] == ["time", "Root/Angles(22)/Boom/In1"]
+    assert len(found.columns) == 6
+    assert not any(c.why for c in found.columns)
+    np.testing.assert_array_equal(found.columns[1].values, -np.arange(30.0))

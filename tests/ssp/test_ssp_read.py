@@ -246,6 +246,20 @@ def test_units_that_differ_in_name_only_agree_others_do_not(toys: Any) -> None:
         assert len(system.wires) == 1
 
 
+def test_where_an_fmu_states_no_unit_that_of_the_connector_counts(toys: Any) -> None:
+    units = {"w.y": "m", "result": "m", "k.y": "1"}
+    with read_ssp(toys.ssp({**PAIR, "k": "wave"}, ["w.y -> g.u", "g.y -> result"], units=units)) as system:
+        assert system.variable(Port("w", "y")).unit == "m"
+        assert system.components["w"].fmu.units["m"].factor == 1.0
+        # what exporters write where they know of none
+        assert system.variable(Port("k", "y")).unit == ""
+    # of the system's own connector
+    with read_ssp(toys.ssp({"k": "wave"}, ["k.y -> result"], units={"result": "mm"})) as system:
+        assert system.variable(Port("k", "y")).unit == "mm"
+    with pytest.raises(ModelError, match="make them equal"):
+        read_ssp(toys.ssp(PAIR, ["w.y -> g.u"], units={"w.y": "mm"}))
+
+
 def edited(toys: Any, old: str, new: str, tmp_path: Path) -> Path:
     text = toy_fmus.ssd(PAIR, ["w.y -> g.u"])
     assert old in text
