@@ -1,11 +1,17 @@
 """``cosim diagnose``: names what the simulation gets wrong in a log, extends the model and measures the gain."""
 
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from cosim.console import stderr_console
 from cosim.options import Language, Verbose
+
+LONG = 120.0  # s after which it is said how to end what has no budget
 
 
 def register(app: typer.Typer) -> None:
@@ -63,20 +69,35 @@ def diagnose(
     from cosim.console import emit_json
     from cosim.report.screen import driven_by, show
 
-    found = api.diagnose(
-        log,
-        model,
-        mapping=mapping,
-        external=external,
-        held_out=held_out or (),
-        tolerance=tolerance,
-        calibrate=calibrate,
-        budget=budget,
-        out=out,
-        language=language,
-        verbose=verbose,
-    )
+    with way_out(budget):
+        found = api.diagnose(
+            log,
+            model,
+            mapping=mapping,
+            external=external,
+            held_out=held_out or (),
+            tolerance=tolerance,
+            calibrate=calibrate,
+            budget=budget,
+            out=out,
+            language=language,
+            verbose=verbose,
+        )
     if as_json:
         emit_json(found.to_dict())
     else:
         show(found.answer, out, verbose, driven_by(found.answer, log[0], mapping))
+
+
+@contextmanager
+def way_out(budget: str | None) -> Iterator[None]:
+    """Says on stderr how to end a diagnosis with the best so far, once it has taken `LONG` s without a budget."""
+    words = f"this takes more than {LONG:g} s: Ctrl-C ends it with the best so far; --budget 2min does so by itself"
+    timer = threading.Timer(LONG, lambda: stderr_console().print(words, markup=False, soft_wrap=True))
+    timer.daemon = True
+    if budget is None:
+        timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()

@@ -1,5 +1,6 @@
 """A diagnosis with a budget ends in time with the best so far, and says what it did not try."""
 
+import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -8,6 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cosim.cli import make_app
+from cosim.commands import diagnose as command
 from cosim.diagnosis.answer.answer import answer
 from cosim.diagnosis.budget import Budget, current, parse_budget, seen_by_threads, within
 from cosim.diagnosis.fitting.chain import task_for
@@ -114,6 +116,18 @@ def test_what_was_left_out_is_said_group_by_group() -> None:
     assert budget.warnings == [
         "dcv: the time allowed (60 s) was over; not tried: dcv.delay, a set of causes (3 of them)"
     ]
+
+
+@pytest.mark.parametrize("budget", [None, "60s"])
+def test_what_takes_long_says_how_it_is_ended(
+    budget: str | None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(command, "LONG", 0.0)
+    with command.way_out(budget):
+        for thread in threading.enumerate():
+            if isinstance(thread, threading.Timer):
+                thread.join()
+    assert ("--budget" in capsys.readouterr().err) == (budget is None)
 
 
 @pytest.mark.parametrize(("text", "seconds"), [("60s", 60.0), ("2 min", 120.0), ("90", 90.0)])
