@@ -75,7 +75,8 @@ class Diagnosis:
         held_before, held_after: as before, after, over the held-out log.
         in_place: the linear model that the extended model has in the place of the blocks, where they lack its dynamics.
         references: signal -> the linear reference from the command to it, beside the extended model.
-        linear: (drive, signal) -> linear model of a free run over the fitted log, as far as one was needed.
+        linear: (drive, signal) -> linear model of a free run over the fitted log, or over the windows of it that do not
+            judge, as far as one was needed.
         calibrated: trusted parameters fitted without any cause, where they were freed: what the extension is held against.
         refused: causes that the fitting log asks for and the held-out one does not bear out.
         spans: start and end of the stretch of each log that was used, s of the log's own time.

@@ -567,7 +567,7 @@ class End:
 
     Attributes:
         sections: poles and delay.
-        left: sum of squares that they leave.
+        left: sum of squares that they leave, up to a factor of the data.
         settled: it ended by itself.
     """
 
@@ -608,7 +608,7 @@ def search(data: Data, start: Sections, target: Array, rounds: int) -> End:
         gtol=1e-10,
         max_nfev=rounds,
     )
-    return End(data.decaying(start.moved(found.x)), 2.0 * float(found.cost) * scale**2, found.status > 0)
+    return End(data.decaying(start.moved(found.x)), float(found.cost), found.status > 0)
 
 
 def model_of(data: Data, sections: Sections, target: Array) -> LinearModel:

@@ -16,7 +16,7 @@ from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.held_out.gain import measure, on_command
 from cosim.diagnosis.model.machine import Machine
 from cosim.diagnosis.record.record import Record
-from cosim.diagnosis.residuals.reference import evened, on_other_windows
+from cosim.diagnosis.residuals.reference import evened, fitted_to
 from cosim.files import Scratch
 from cosim.inference.linear import LinearModel
 from cosim.machines.table import MachineTable
@@ -137,7 +137,7 @@ def replaced(found: Diagnosis, folder: Path) -> None:
     model = (
         finding.reference.model
         if held is not None
-        else on_other_windows(record, machine.drive, signal, found.window)
+        else fitted_to(record, machine.drive, signal, found.linear, found.window)
     )
     if not 0 < model.order <= 2 * SECTIONS:  # a constant gain would be no drive
         return

@@ -550,7 +550,7 @@ def beside_the_whole(found: Diagnosis, constants: Mapping[str, float], trust: fl
     signals = [s for s in after if s in found.record.signals and s in found.noise]
     if held is None:
         if not found.record.cuts:
-            return of_whole(found.record, drive, signals, after, found.window)
+            return of_whole(found.record, drive, signals, after, found.window, found.linear)
         ours = {s: found.record.signals[s] - after[s] for s in signals} | left_out_of(found, trust)
         return in_turn(found.record, drive, signals, ours, found.window)
     judged = found.held_after or by_twin(found, held.record, values)

@@ -22,7 +22,9 @@ from cosim.inference.linear import Data, LinearModel, reference
 from cosim.inference.pieces import Cuts, by_piece
 
 Array = NDArray[np.float64]
-Fitted = dict[tuple[str, str], LinearModel]  # (drive, signal) -> model of a free run over a whole log
+Fitted = dict[
+    tuple[str, str], LinearModel
+]  # (drive, signal) -> model of a free run over what does not judge it
 
 POINTS = 3000  # that a reference is fitted to at most, in each minute or less
 POINTS_OF_LONG = 9000  # of a longer log
@@ -301,15 +303,24 @@ def over_logs(
     return Reference(model, np.maximum(left, held.rounding(signal) ** 2), squares)
 
 
-def fitted_to(record: Record, drive: str, signal: str, fitted: Fitted) -> LinearModel:
-    """The linear model from a drive to a signal, fitted to a record as a free run; into `fitted`, if it is not there."""
+def fitted_to(
+    record: Record, drive: str, signal: str, fitted: Fitted, window: int | None = None
+) -> LinearModel:
+    """The linear model from a drive to a signal, a free run each log; into `fitted`, if it is not there.
+
+    Fitted to a whole record, or to all its windows of `window` samples but those that judge it.
+    """
     if (drive, signal) not in fitted:
         count = record.time.size
-        numbers = np.arange(count) * ORDER_PARTS // count
+        if window is None:
+            numbers, held = np.arange(count) * ORDER_PARTS // count, np.zeros(ORDER_PARTS, dtype=bool)
+        else:
+            numbers, held = judging_windows(record, window)
         pair = evened(
             record.signals[drive], record.signals[signal], record.time, record.h, numbers, cuts=record.cuts
         )
-        fitted[drive, signal] = reference(data_of(pair, False, pair.window >= 0))
+        keep = (pair.window >= 0) & ~held[np.maximum(pair.window, 0)]
+        fitted[drive, signal] = reference(data_of(pair, False, keep))
     return fitted[drive, signal]
 
 
@@ -383,23 +394,13 @@ def judging_windows(record: Record, window: int) -> tuple[NDArray[np.int64], NDA
     return numbers, held_windows(int(numbers.max()) + 1)
 
 
-def on_other_windows(record: Record, drive: str, signal: str, window: int) -> LinearModel:
-    """The linear model from the command to a signal, fitted to all windows but those that judge it, a free run each log."""
-    numbers, held = judging_windows(record, window)
-    pair = evened(
-        record.signals[drive], record.signals[signal], record.time, record.h, numbers, cuts=record.cuts
-    )
-    inside = pair.window >= 0
-    judged = inside & held[np.maximum(pair.window, 0)]
-    return reference(data_of(pair, False, inside & ~judged))
-
-
 def of_whole(
     record: Record,
     drive: str,
     signals: Iterable[str],
     after: Mapping[str, Array],
     window: int,
+    fitted: Fitted,
 ) -> dict[str, Reference]:
     """The reference from the command to each signal, both judged on every third window of one log as free runs.
 
@@ -409,6 +410,7 @@ def of_whole(
         signals: those of which a reference is wanted.
         after: signal -> (n,) what the extended model makes of it, SI.
         window: samples in a window.
+        fitted: models of the other windows that are known; it grows.
     """
     found = {}
     numbers, held = judging_windows(record, window)
@@ -416,7 +418,7 @@ def of_whole(
         return {}
     for signal in signals:
         u, y = record.signals[drive], record.signals[signal]
-        model = on_other_windows(record, drive, signal, window)
+        model = fitted_to(record, drive, signal, fitted, window)
         fine = evened(u, y, record.time, record.h, numbers, record.h)
         own = evened(u, y - after[signal], record.time, record.h, numbers, record.h)
         errors = (fine.y - model.predicted(fine.u, record.h), own.y)
