@@ -215,6 +215,17 @@ def off(action: Action, reach: Reach) -> dict[str, float]:
     return {action.key(n): v for n, v in found.items()}
 
 
+def part_of(action: Action, reach: Reach, start: Mapping[str, float], part: float) -> dict[str, float]:
+    """A part of what a start has of an effect: its numbers from where it begins to act, a limited rate by its inverse."""
+    if action.effect == "port.rate_limit":
+        return {n: v / part for n, v in start.items()}
+    if action.effect == "port.saturation":
+        edges = {action.key("low"): reach.low, action.key("high"): reach.high}
+    else:
+        edges = off(action, reach)
+    return {n: edges[n] + part * (v - edges[n]) for n, v in start.items()}
+
+
 def acted(
     series: Array, h: float, port: Port, where: str, values: Mapping[str, Mapping[str, Mapping[str, float]]]
 ) -> Array:

@@ -17,6 +17,7 @@ from cosim.anysystem.actions import (
     moderate,
     of_all,
     off,
+    part_of,
     sides,
     starts,
     unknowns,
@@ -75,7 +76,8 @@ SEARCHING = 0.8  # of the time that is left: what was found is then decided upon
 LOOKED = 0.5  # of the time that is left: candidates are looked at before the best of them are fitted
 DRIFTS = 1.25  # times the error of a run (RMS): least squares leave hardly less than the likelihood where noise is noise
 ALONG = 0.9  # of the square of a slope that lies along another's: what may do the same is fitted in its place
-KEPT = 3  # of them from which a second cause is looked for
+KEPT = 3  # of them from which a second cause is looked for,
+BEHIND = 9.0  # where they leave no more than so many times the squares that the best leaves
 SETTLING = 6  # evaluations in which what is no cause is settled beside the causes
 AGREES = 1e-3  # of a log-likelihood: two fits that differ by less ended in one place
 NOTHING = 0.01  # log-likelihood: a number that changes no more is not told
@@ -91,7 +93,10 @@ SURE = 3.0  # deviations of a trusted parameter: beyond them it is a cause
 ALMOST = 0.99  # of that
 JITTER = 0.7  # samples, prior of the moment at which an input acts or an output is read
 FAINT = 20.0  # times that, under the white noise alone: what a moderate size does is no more, and is looked at again
-OUTER = 0.5  # of a start's effect: a projection beyond is no small step
+FOLLOWED = (
+    1e-3  # of the square of what a start changes: if the base's numbers leave less, the two do the same
+)
+SMALLEST = 0.02  # of a start: less of it is hardly more than nothing
 
 
 @dataclass
@@ -105,21 +110,58 @@ class Candidate:
 
 
 @dataclass
+class Begin:
+    """Where a fit of one cause more may begin.
+
+    Attributes:
+        promise: log-likelihood that it may gain, the others following.
+        start: its numbers as they were tried.
+        part: how much of them the log asks for, by slopes.
+        follow: name -> by how much the others' numbers then move.
+    """
+
+    promise: float
+    start: dict[str, float]
+    part: float
+    follow: dict[str, float]
+
+
+@dataclass
+class Base:
+    """A set of causes beside which one more is looked for.
+
+    Attributes:
+        candidate: the set.
+        rest: what it leaves, whitened.
+        slopes: (n + k, u) of what it leaves in its unknowns over their scales, zero in what is held out.
+        span: (n, m) an orthonormal base of these in the fitted part.
+    """
+
+    candidate: Candidate
+    rest: Array
+    slopes: Array
+    span: Array
+
+    @property
+    def unknowns(self) -> tuple[Unknown, ...]:
+        """Of its fit."""
+        return self.candidate.fit.unknowns
+
+
+@dataclass
 class Look:
     """What was seen of a cause beside others.
 
     Attributes:
         base: the others.
-        rest: what they leave, whitened.
-        changes: what each start changes of it.
-        starts: where a fit may begin, with what it promises.
+        changes: what each start changes of what they leave.
+        starts: where a fit may begin.
         fitted: those from which one was made.
     """
 
-    base: Candidate
-    rest: Array
+    base: Base
     changes: list[Array] = field(default_factory=list)
-    starts: list[tuple[float, dict[str, float]]] = field(default_factory=list)
+    starts: list[Begin] = field(default_factory=list)
     fitted: list[dict[str, float]] = field(default_factory=list)
 
 
@@ -511,11 +553,12 @@ class Search:
         begin: Mapping[str, float],
         evaluations: int = EVALUATIONS,
         difference: float = DIFFERENCE,
+        roughly: Array | None = None,
     ) -> Fit | None:
         """A fit of causes; where each log has sizes of its own their numbers are the means of these."""
         free = self._free(actions)
         own = {u.name: begin.get(u.name, begin[of_all(u.name)]) for u in free}
-        fit = self.problem.fit(free, {**begin, **own}, evaluations, difference)
+        fit = self.problem.fit(free, {**begin, **own}, evaluations, difference, roughly=roughly)
         return None if fit is None else self._meant(fit, actions)
 
     def _meant(self, fit: Fit, actions: Sequence[Action]) -> Fit:
@@ -827,8 +870,10 @@ class Search:
                     self._left_out("any cause" if count == 1 else f"a cause number {count}")
                     break
                 found: list[Candidate] = []
+                least = pool[0].fit.log_likelihood
                 for base in pool[:KEPT]:
-                    found += self._stage(base)
+                    if base.fit.log_likelihood >= BEHIND * least:
+                        found += self._stage(base)
                 found = self._unique(found)
                 self.tried += found
                 if not found:
@@ -843,14 +888,18 @@ class Search:
                     singles = [c for c in found if len(c.actions) == 1]
                 richer = found[0]
                 poorer = self._scored(best)
-                if richer.score < poorer.score + NAMED and self._drifts(richer, poorer):
-                    self.steady = True
+                likelier = richer.score >= poorer.score + NAMED
+                if not self.steady and (
+                    count > 1 and not self._nearer(poorer, richer)
+                    if likelier
+                    else self._drifts(richer, poorer)
+                ):
+                    self.steady = (
+                        True  # what is likelier by the noise that was learned is not nearer: it is none
+                    )
                     found = self._refitted(found, [best, *singles])
                     richer, poorer = found[0], self._scored(best)
-                if richer.score < poorer.score + NAMED:
-                    break
-                rows = self._rms(best.fit), self._rms(richer.fit)
-                if count > 1 and min(b / max(a, 1e-300) for a, b in zip(*rows, strict=True)) > WORTH:
+                if richer.score < poorer.score + NAMED or (count > 1 and not self._nearer(poorer, richer)):
                     break
                 best, pool = richer, found
         if self.learned:  # a stage that failed has learned its own
@@ -986,6 +1035,11 @@ class Search:
             float(np.sqrt(np.mean(self.model.whole(residual, s) ** 2))) for s, _ in self.model.group.judged
         ]
 
+    def _nearer(self, poorer: Candidate, richer: Candidate) -> bool:
+        """Whether a set with one cause more comes so much nearer to a signal that a further one is worth looking for."""
+        rows = self._rms(poorer.fit), self._rms(richer.fit)
+        return min(b / max(a, 1e-300) for a, b in zip(*rows, strict=True)) <= WORTH
+
     def _systematic(self, candidate: Candidate, count: int) -> bool:
         """Whether there may be anything (more) to find."""
         if count == 1:
@@ -1012,6 +1066,7 @@ class Search:
         looks: dict[Action, Look] = {}
         followed: list[Action] = []
         gains = self._at_first_sight(base)
+        beside = self._beside(base, rest)
         with self.budget.part(LOOKED):
             for action in self._most_likely_first(gains):
                 if action in base.actions or self._twice(action, base.actions):
@@ -1022,7 +1077,7 @@ class Search:
                 if self.budget.over:
                     self._left_out(action.effect)
                     continue
-                look = Look(base, rest)
+                look = Look(beside)
                 self._look(action, look)
                 looks[action] = look
                 # nobody follows what nobody sees
@@ -1032,7 +1087,7 @@ class Search:
                     and (self._loses_step(action) or self._other_optima(look.changes))
                 ):
                     followed.append(action)
-        found = self._best_fitted(base, looks, {})
+        found = self._best_fitted(beside, looks, {})
         if followed:
             early = self._at_first_sight(base, HORIZONS[1])
             followed.sort(key=lambda a: -max(gains.get(a, 0.0), early.get(a, 0.0)))
@@ -1042,7 +1097,7 @@ class Search:
                         self._left_out(f"{action.effect} followed from the first part of the log")
                         continue
                     self._reached(action, self._kept_in_step(base, action), looks[action])
-            found = self._best_fitted(base, looks, found)
+            found = self._best_fitted(beside, looks, found)
         ordered = self._by_score(list(found.values()))
         return [self._both_sides(c) if k < KEPT else c for k, c in enumerate(ordered)]
 
@@ -1159,29 +1214,63 @@ class Search:
         rank = {a: (0, -g) if (g := gains.get(a, 0.0)) > NAMED else (2, -g) for a in gains}
         return sorted(self.candidates(), key=lambda a: rank.get(a, (2 if a.effect == PARAMETER else 1, 0.0)))
 
+    def _beside(self, base: Candidate, rest: Array) -> Base:
+        """A set beside which one cause more is looked for, with what its numbers can make up for."""
+        slopes = self.problem.slopes(replace(base.fit, rows=rest), DIFFERENCE)
+        span, _ = np.linalg.qr(slopes[self.problem.mask][:, np.any(slopes != 0.0, axis=0)])
+        return Base(base, rest, slopes, span)
+
     def _reached(self, action: Action, start: dict[str, float], look: Look) -> float:
-        """What a start reaches as it is; kept with how far its shape goes along with what is left."""
-        inside = self.problem.mask
+        """What a start reaches as it is; kept with what it promises as the numbers beside it follow.
+
+        That is the score test of the cause: what it changes beyond what these can make up for, and how far that goes along
+        with what is left.
+        """
+        inside, base = self.problem.mask, look.base
         with self.problem.fitted_alone():
-            rows = self.problem.rows({**look.base.fit.values, **start})
+            rows = self.problem.rows({**base.candidate.fit.values, **start})
         if rows is None:
             return 0.0
-        change = (look.rest - rows)[inside]
+        change = (base.rest - rows)[inside]
         with np.errstate(over="ignore"):  # a start that makes a model run away
             size = float(change @ change)
         if not np.isfinite(size):
             return 0.0
         look.changes.append(change)
-        if not look.base.actions:
+        if not base.candidate.actions:
             self.sizes[action] = max(self.sizes.get(action, 0.0), 0.5 * size)
         if size <= 0.0:
             return 0.0
-        along = float(change @ look.rest[inside])
-        reached = along - 0.5 * size
-        drop = max(0.5 * along * abs(along) / size, reached)
-        if drop > 0.0:
-            look.starts.append((drop, start))
+        reached = float(change @ base.rest[inside]) - 0.5 * size
+        own = change - base.span @ (base.span.T @ change)
+        beyond = float(own @ own)
+        along = float(own @ base.rest[inside]) if beyond > FOLLOWED * size else 0.0
+        part = along / beyond if along else 0.0
+        promise = max(0.5 * along * abs(part), reached)
+        if promise > 0.0:
+            part = float(np.clip(part, SMALLEST, 1.0))
+            moved = np.linalg.lstsq(base.slopes[inside], part * change, rcond=None)[0]
+            follow = {u.name: u.scale * float(m) for u, m in zip(base.unknowns, moved, strict=True)}
+            look.starts.append(Begin(promise, start, part, follow))
         return reached
+
+    def _begun(self, base: Base, action: Action, begin: Begin) -> dict[str, float]:
+        """Where a fit begins: at a start as it was tried, or at as much of it as the log asks for, others following."""
+        values = base.candidate.fit.values
+        plain = {**values, **begin.start}
+        if begin.part == 1.0 and not begin.follow:
+            return plain
+        known = {u.name: u for u in (*base.unknowns, *self._free((action,)))}
+        less = {**values, **self._part_of(action, begin.start, begin.part)}
+        less |= {n: values[n] + m for n, m in begin.follow.items()}
+        less = {n: known[n].within(v) if n in known else v for n, v in less.items()}
+        return less if self._at(less) > self._at(plain) else plain
+
+    def _part_of(self, action: Action, start: Mapping[str, float], part: float) -> dict[str, float]:
+        """So much of a cause as a part of a start is."""
+        if action.effect == PARAMETER:
+            return {n: v + part * (start[n] - v) for n, v in self._off(action).items()}
+        return part_of(action, self.reach(action), start, part)
 
     def _look(self, action: Action, look: Look) -> None:
         """What a cause does from where its search would begin, and which of its sides do more."""
@@ -1198,14 +1287,14 @@ class Search:
             self._reached(action, start, look)
 
     def _best_fitted(
-        self, base: Candidate, looks: Mapping[Action, Look], before: Mapping[Action, Candidate]
+        self, base: Base, looks: Mapping[Action, Look], before: Mapping[Action, Candidate]
     ) -> dict[Action, Candidate]:
         """Fits of those that promise most; those that were fitted before stay, with what better starts give."""
-        ranked: list[tuple[float, Action, list[dict[str, float]]]] = []
+        ranked: list[tuple[float, Action, list[Begin]]] = []
         for action, look in looks.items():
             if look.starts:
-                own = sorted(look.starts, key=lambda item: -item[0])
-                ranked.append((own[0][0], action, [start for _, start in own[: self._tries(action)]]))
+                own = sorted(look.starts, key=lambda begin: -begin.promise)
+                ranked.append((own[0].promise, action, own[: self._tries(action)]))
         ranked.sort(key=lambda item: -item[0])
         chosen = [r for r in ranked[:SCREENED] if r[0] >= max(2.0, 0.02 * ranked[0][0])]
         known = {action.effect for _, action, _ in chosen}
@@ -1219,14 +1308,15 @@ class Search:
                 known.add(item[1].effect)
         found = dict(before)
         for _, action, begins in chosen:
-            fresh = [start for start in begins if start not in looks[action].fitted]
+            fresh = [begin for begin in begins if begin.start not in looks[action].fitted]
             if not fresh:
                 continue
             if found and self.budget.over:
                 self._left_out(f"{action.effect} by a fit")
                 continue
-            looks[action].fitted += fresh
-            fits = [fit for start in fresh if (fit := self._fitted(base, action, start)) is not None]
+            looks[action].fitted += [begin.start for begin in fresh]
+            nearer = [self._begun(base, action, begin) for begin in fresh]
+            fits = [fit for at in nearer if (fit := self._fitted(base, action, at)) is not None]
             fits += [before[action]] if action in before else []
             if fits:
                 found[action] = max(fits, key=lambda c: c.score)
@@ -1330,11 +1420,14 @@ class Search:
         """The same effect at the same port already."""
         return any(a.effect == action.effect and a.port == action.port for a in others)
 
-    def _fitted(
-        self, base: Candidate, action: Action, start: Mapping[str, float], evaluations: int = 14
-    ) -> Candidate | None:
-        actions = (*base.actions, action)
-        fit = self._fit(actions, {**base.fit.values, **start}, evaluations)
+    def _fitted(self, base: Base, action: Action, begin: Mapping[str, float]) -> Candidate | None:
+        """A set with a cause more, roughly: the slopes of the others are those that they have without it."""
+        actions, numbers = (*base.candidate.actions, action), self.numbers(action)
+        roughly = None
+        if base.unknowns and not self.by_log and (rows := self.problem.rows(begin)) is not None:
+            here = Fit(dict(begin), np.zeros((0, 0)), tuple(numbers), rows, 0.0)
+            roughly = np.concatenate([base.slopes, self.problem.slopes(here, DIFFERENCE)], axis=1)
+        fit = self._fit(actions, begin, roughly=roughly)
         if fit is None:
             return None
         candidate = Candidate(actions, fit, self._price(actions))
@@ -1430,6 +1523,8 @@ class Search:
         best, judged = self._held_out(best, null)
         between = self._between(best)
         agreed = self._as_well_as_programs_agree(best).fit
+        residual = problem.residuals(best.fit.values)
+        wrong = self._wrong(self._told(residual, best), residual) if len(judged) > 1 else {}
         for action, (poorer, gain) in judged.items():
             rows = self._rms(poorer.fit), self._rms(best.fit)
             # without it trusted numbers may have to be where nobody believes them
@@ -1457,6 +1552,10 @@ class Search:
             elif action.effect != PARAMETER and self._none_within(action, best.fit, agreed):
                 finding.refused.append(
                     (action, "may be none within what two programs with one model differ by")
+                )
+            elif action.effect != PARAMETER and (part := self._leaves(best, poorer, wrong)) > LEAVES:
+                finding.refused.append(
+                    (action, f"leaves {100 * part:.0f} % of what is systematic without it")
                 )
             elif not matters or self._small(action, best.fit):
                 finding.refused.append((action, "is too small to matter"))
@@ -1608,15 +1707,28 @@ class Search:
         """Whether a log of its own is held out."""
         return any(not segment.fitted.any() for segment in self.model.segments)
 
-    def _left(self, fit: Fit, wrong: Collection[str], held: bool = False) -> float:
-        """Part of what is systematic in a wrong signal that a fit leaves, at most: of all, or of what is held out."""
+    def _left(
+        self, fit: Fit, wrong: Collection[str], held: bool = False, without: Fit | None = None
+    ) -> float:
+        """Part of what is systematic in a wrong signal that a fit leaves, at most: of all, or of what is held out.
+
+        Of what another leaves that is `without` something, else of what the model does.
+        """
         found = 0.0
-        null, residual = (self.problem.residuals(f.values) for f in (self.null.fit, fit))
+        null, residual = (self.problem.residuals(f.values) for f in (without or self.null.fit, fit))
         for signal in wrong:
             floor = self._white(signal) ** 2
             before, after = (float(np.mean(self._part(r, signal, held) ** 2)) for r in (null, residual))
             found = max(found, float(np.sqrt(max(after - floor, 0.0) / max(before - floor, 1e-300))))
         return found
+
+    def _leaves(self, best: Candidate, poorer: Candidate, wrong: Collection[str]) -> float:
+        """Part of what is systematic without a cause that all causes leave in windows held out; 0 where nothing stays wrong.
+
+        Beside others, too, of something that the library lacks a drift or an offset often is a part. What another log bears
+        out is none.
+        """
+        return 0.0 if self._other_log() else self._left(best.fit, wrong, held=True, without=poorer.fit)
 
     def _part(self, series: Mapping[str, Array], signal: str, held: bool) -> Array:
         """A signal's series of all logs behind one another; all of them, or what is held out."""

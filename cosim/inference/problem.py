@@ -29,6 +29,7 @@ FINE = 0.2  # of that in the last fit
 EVALUATIONS = 14  # of one search
 FAILED = 1e6  # whitened residual where the model cannot be run
 LARGEST = 1e120  # of one that runs away: its square is a number
+ROUGHLY = 1e-3  # of what is left: a search among many that would gain less has ended
 EQUAL = 1e-6  # share by which sizes that are the same differ, by rounding and by the steps of an FMU
 
 
@@ -58,6 +59,35 @@ class Fit:
 
 class _HurryError(Exception):
     """A fit is to end."""
+
+
+class _Learnt:
+    """Slopes of a search, corrected by what each of its steps has changed (Broyden 1965)."""
+
+    def __init__(self, of: Callable[[Array], Array], at: Array, slopes: Array) -> None:
+        """Those known about a point.
+
+        Args:
+            of: (u,) -> (n,) rows.
+            at: (u,) where the search begins.
+            slopes: (n, u).
+        """
+        self.of, self.at, self.here, self.slopes = of, at, of(at), slopes
+        self.least = self.first = float(self.here @ self.here)
+
+    @property
+    def gained(self) -> float:
+        """Share of the squares at its begin that a search has taken."""
+        return 1.0 - self.least / max(self.first, 1e-300)
+
+    def __call__(self, x: Array) -> Array:
+        here, step = self.of(x), x - self.at
+        if (size := float(step @ step)) > 0.0:
+            beyond = here - self.here - self.slopes @ step
+            self.slopes = self.slopes + np.outer(beyond, step / size)
+        self.at, self.here = x.copy(), here
+        self.least = min(self.least, float(here @ here))
+        return self.slopes
 
 
 class Problem:
@@ -320,11 +350,22 @@ class Problem:
         evaluations: int = EVALUATIONS,
         difference: float = DIFFERENCE,
         robust: bool = False,
+        roughly: Array | None = None,
     ) -> Fit | None:
         """The best values of a hypothesis from a start; None where its model cannot be run there.
 
         A `robust` fit bears errors beyond the usual size of those of its start (Cauchy loss): where a law bends it may lead
-        out of an optimum in which least squares end. Its likelihood is that of the values all the same.
+        out of an optimum in which least squares end. Its likelihood is that of the values all the same. A fit that begins
+        with slopes that are known `roughly` learns from its own steps how they change (Broyden, Math. Comp. 19, 1965); only
+        where these lead nowhere it takes them anew.
+
+        Args:
+            unknowns: what is fitted.
+            start: the values of all.
+            evaluations: at most.
+            difference: over which slopes are taken, in scales.
+            robust: bear large errors.
+            roughly: (n + k, u) slopes of the rows of `slopes` about the start, to do with few runs.
         """
         whole = dict(start)
         if not unknowns:
@@ -376,21 +417,36 @@ class Problem:
             )
 
         usual = max(float(np.median(np.abs(first[self.mask]))), 1.0)
+
+        def searched(at: Array, steep: Callable[[Array], Array], most: int, ends: float) -> Array:
+            found = least_squares(
+                cost,
+                at,
+                steep,
+                bounds=(low, high),
+                method="trf",
+                loss="cauchy" if robust else "linear",
+                f_scale=usual if robust else 1.0,
+                max_nfev=most,
+                xtol=1e-4,
+                ftol=ends,
+            )
+            return np.asarray(found.x)
+
         with self.fitted_alone():
             try:
-                found = least_squares(
-                    cost,
-                    begin,
-                    slopes,
-                    bounds=(low, high),
-                    method="trf",
-                    loss="cauchy" if robust else "linear",
-                    f_scale=usual if robust else 1.0,
-                    max_nfev=evaluations,
-                    xtol=1e-4,
-                    ftol=1e-7,
-                )
-                at, steep = found.x, slopes(found.x)
+                if roughly is None:
+                    at = searched(begin, slopes, evaluations, 1e-7)
+                    steep = slopes(at)
+                else:
+                    held = [k for k, u in enumerate(unknowns) if np.isfinite(u.prior)]
+                    sure = np.array([u.scale / u.prior if np.isfinite(u.prior) else 0.0 for u in unknowns])
+                    learnt = _Learnt(cost, begin, np.concatenate([roughly[self.mask], np.diag(sure)[held]]))
+                    at = searched(begin, learnt, evaluations, ROUGHLY)
+                    if learnt.gained < ROUGHLY:  # the slopes led nowhere
+                        learnt = _Learnt(cost, at, slopes(at))
+                        at = searched(at, learnt, evaluations, ROUGHLY)
+                    steep = learnt.slopes
             except _HurryError:
                 at, steep = best[0], slopes(best[0], rows_at)
         values = whole | self._named(unknowns, at)

@@ -379,3 +379,50 @@ def test_unknowns_that_change_nothing_are_spared_without_a_loss() -> None:
     spared = made.spare(fit, {"gain": 0.5, "idle": 1.0}, 6.0)
     assert {name for name, _ in spared} == {"gain", "idle"}
     assert spared[-1][1] == pytest.approx({"gain": 0.5, "idle": 1.0})
+
+
+def bent(rng):
+    """A gain, a dead zone and a lag of an input: three unknowns, one of which bends the model."""
+    made = []
+
+    def three(values):
+        made.append(dict(values))
+        u = np.sign(U) * np.maximum(np.abs(U) - values["dead"], 0.0)
+        lag = values["lag"]
+        y = np.empty(N)
+        y[0] = u[0]
+        for k in range(1, N):
+            y[k] = y[k - 1] + (u[k] - y[k - 1]) * 0.01 / (0.01 + lag)
+        return {"y": values["gain"] * y}
+
+    unknowns = [Unknown("gain", 0.1, 5.0, 0.3), Unknown("dead", 0.0, 1.0, 0.2), Unknown("lag", 0.0, 2.0, 0.2)]
+    true = {"gain": 1.3, "dead": 0.15, "lag": 0.3}
+    y = three(true)["y"] + 0.01 * rng.standard_normal(N)
+    found = Problem({"y": y}, {"y": FITTED}, {"y": WINDOW}, three, {"y": 1e-4})
+    found.noise["y"] = Noise(0.01**2)
+    return found, unknowns, true, made
+
+
+def test_with_slopes_that_are_known_roughly_a_fit_ends_where_others_end_with_half_of_their_runs() -> None:
+    found, unknowns, true, made = bent(np.random.default_rng(2))
+    start = {"gain": 1.1, "dead": 0.1, "lag": 0.4}
+    made.clear()
+    plain = found.fit(unknowns, start)
+    runs = len({tuple(v.values()) for v in made})
+    known = found.slopes(found.fit(unknowns, start, 1))
+    made.clear()
+    rough = found.fit(unknowns, start, roughly=known)
+    assert len({tuple(v.values()) for v in made}) <= runs / 2
+    assert rough.log_likelihood == pytest.approx(plain.log_likelihood, rel=1e-3)
+    for name, value in true.items():
+        assert rough.values[name] == pytest.approx(value, abs=0.02)
+        assert rough.deviation(name) == pytest.approx(plain.deviation(name), rel=0.5)
+
+
+def test_slopes_that_lead_nowhere_are_taken_anew() -> None:
+    found, unknowns, true, _ = bent(np.random.default_rng(3))
+    start = {"gain": 1.1, "dead": 0.1, "lag": 0.4}
+    wrong = -found.slopes(found.fit(unknowns, start, 1))
+    rough = found.fit(unknowns, start, roughly=wrong)
+    for name, value in true.items():
+        assert rough.values[name] == pytest.approx(value, abs=0.02)
