@@ -16,6 +16,7 @@ from cosim.anysystem.read import Recording, begun, value_of
 from cosim.anysystem.readings import stale_of
 from cosim.anysystem.search import CLOSE, Candidate, Finding, Search, Trust, errors, worth
 from cosim.anysystem.smooth import followed, still
+from cosim.anysystem.start import settable
 from cosim.anysystem.thin import alike, factors, loses_noise_alone, share, thinned
 from cosim.diagnosis.budget import Budget
 from cosim.diagnosis.thresholds import FEWEST_SAMPLES
@@ -257,7 +258,7 @@ def diagnose_system(
     found.notes += apart_from(found)
     found.budget = budget or found.budget
     found.structure = structure(system, names, tuple(options.trusted))
-    trust = Trust()
+    trust = Trust(tolerance=tolerance)
     for name, own in options.trusted.items():
         value = value_of(system, name) or 0.0
         if calibrate:
@@ -363,6 +364,7 @@ def judge(
     ):  # the group's own causes may have swayed it: ask it again with them
         search, finding = asked_again(found, search, finding, doubted, trust, options)
     search, finding = driven_by_itself(found, search, finding, trust, options)
+    search, finding = taken_as_exact(found, search, finding, trust, options)
     finding, *healthy = in_some_logs(found, search, finding, trust, options)
     if group.source and len(found.groups) > 1 and finding.unexplained and not finding.named:
         found.unjudged[group.name] = (
@@ -728,6 +730,53 @@ def driven_by_itself(
     for segment, driving in zip(segments, before, strict=True):
         segment.driving.update(driving)
     return search, finding
+
+
+def taken_as_exact(
+    found: AnyDiagnosis, search: Search, finding: Finding, trust: Trust, options: AnyOptions
+) -> tuple[Search, Finding]:
+    """The search with parameters that the mapping takes as exact, where something stays wrong without them.
+
+    One of them may do what several causes were named for, as a dead zone that the machine has not: then it is one as well.
+    One that does as much as a cause and is none by itself is declared indistinguishable from it.
+    """
+    known = {*trust.trusted, *trust.free, *options.start}
+    values = {
+        f"{c}.{v.name}": value_of(found.system, f"{c}.{v.name}")
+        for c in search.model.group.components
+        for v in found.system.components[c].fmu.variables.values()
+        if settable(v) and f"{c}.{v.name}" not in known
+    }
+    exact = {n: v for n, v in values.items() if v is not None}
+    if not exact or not finding.unexplained or found.budget.over:
+        return search, finding
+    own = {n: (v, trust.tolerance) for n, v in exact.items()}
+    model, chosen = like(found, search.model), finding.chosen
+    looked = Search(
+        model, replace(trust, trusted=trust.trusted | own), options.exclude, options.causes, found.budget
+    )
+    names = looked.likeliest_of(list(own), chosen.fit.values)
+    if not names:
+        return search, finding
+    asked = replace(trust, trusted=trust.trusted | {n: own[n] for n in names})
+    other = Search(model, asked, options.exclude, options.causes, found.budget)
+    begin = other.instead(names, chosen.actions, chosen.fit.values)
+    if begin is None:
+        return search, finding
+    theirs = other.run(begin)
+    ours = [n for n in names if any(a.effect == PARAMETER and str(a.port) == n for a in theirs.named)]
+    if not ours or worth(theirs) < worth(finding):
+        number = begin.actions[-1]
+        for action in set(chosen.actions) - set(begin.actions):
+            finding.alike[action] = [number, *finding.alike.get(action, ())]
+            finding.rivals[action] = [(number, 0.0), *finding.rivals.get(action, ())]
+        return search, finding
+    trust.trusted |= {n: own[n] for n in ours}
+    found.notes.append(
+        f"{' and '.join(ours)}: taken as exact, and asked as well since nothing else explains the log as well; "
+        "[diagnose] trusted in the mapping says what you know of it"
+    )
+    return other, theirs
 
 
 def locate(found: AnyDiagnosis, name: str, trust: Trust, options: AnyOptions) -> None:

@@ -78,6 +78,7 @@ DRIFTS = 1.25  # times the error of a run (RMS): least squares leave hardly less
 ALONG = 0.9  # of the square of a slope that lies along another's: what may do the same is fitted in its place
 KEPT = 3  # of them from which a second cause is looked for,
 BEHIND = 9.0  # where they leave no more than so many times the squares that the best leaves
+ASKED = 3  # parameters that are taken as exact, where nothing else explains a log
 SETTLING = 6  # evaluations in which what is no cause is settled beside the causes
 AGREES = 1e-3  # of a log-likelihood: two fits that differ by less ended in one place
 NOTHING = 0.01  # log-likelihood: a number that changes no more is not told
@@ -167,10 +168,17 @@ class Look:
 
 @dataclass
 class Trust:
-    """What is known of the parameters: trusted ``component.parameter`` -> (value, relative deviation), and free ones."""
+    """What is known of the parameters.
+
+    Attributes:
+        trusted: ``component.parameter`` -> (value, relative deviation).
+        free: those that are fitted with every cause -> value.
+        tolerance: relative deviation of one of which nothing is said.
+    """
 
     trusted: dict[str, tuple[float, float]] = field(default_factory=dict)
     free: dict[str, float] = field(default_factory=dict)
+    tolerance: float = 0.01
 
 
 Judged = dict[Action, tuple[Candidate, HeldOutGain]]
@@ -853,8 +861,45 @@ class Search:
             return here is not None
         return 0.5 * float(theirs @ theirs - here @ here) > CLOSE
 
-    def run(self) -> Finding:
-        """Causes, rivals, what stays."""
+    def likeliest_of(self, names: Sequence[str], values: Mapping[str, float]) -> list[str]:
+        """Of some parameters those whose slopes promise something, beside nothing or about these values; the best first."""
+        gains = [self.problem.freed(at) for at in (self.null.fit.values, values)]
+        most = {n: max(g.get(f"{PARAMETER}|{n}", 0.0) for g in gains) for n in names}
+        return sorted((n for n in names if most[n] > NAMED), key=lambda n: -most[n])[:ASKED]
+
+    def instead(
+        self, names: Sequence[str], actions: Sequence[Action], values: Mapping[str, float]
+    ) -> Candidate | None:
+        """The best explanation with one of some parameters in the place of a cause, or of all; None where it does less.
+
+        Args:
+            names: the parameters.
+            actions: the causes, as another search found them.
+            values: theirs, and all others.
+        """
+        chosen = Candidate(
+            tuple(actions), replace(self.null.fit, values={**self.null.fit.values, **values}), 0.0
+        )
+        self._settle(chosen)
+        kept = dict.fromkeys([(), *(tuple(a for a in actions if a != out) for out in actions)])
+        found: list[Candidate] = []
+        for name in names:
+            for rest in kept:
+                if self.budget.over:
+                    self._left_out(f"{name}, which is taken as exact")
+                    break
+                at = {**self.null.fit.values, **{n: values[n] for a in rest for n in self._off(a)}}
+                begin = max(({**at, **own} for own in self.begins(parameter(name))), key=self._at)
+                several = (*rest, parameter(name))
+                if (fit := self._fit(several, begin)) is not None:
+                    found.append(self._scored(Candidate(several, fit, self._price(several))))
+        best = max(found, key=lambda c: c.score, default=None)
+        null = self._scored(self.null).score
+        least = null + max(NAMED, (1.0 - PROMISE) * (chosen.score - null))
+        return best if best is not None and best.score >= least else None
+
+    def run(self, begin: Candidate | None = None) -> Finding:
+        """Causes, rivals, what stays; begun beside what explains most of the log, if that is known."""
         finding = Finding(
             self.model, self.problem, self.null, self.null, spreads=self.spreads, free=self.estimated
         )
@@ -863,7 +908,10 @@ class Search:
         best, pool = self.null, [self.null]
         singles: list[Candidate] = []
         with self.budget.part(SEARCHING):
-            for count in range(1, self.most + 1):
+            if begin is not None:
+                pool = self._relearned([begin], [self.null])
+                best, singles = pool[0], [c for c in pool if len(c.actions) == 1]
+            for count in range(1 if begin is None else 2, self.most + 1):
                 if not self._systematic(best, count):
                     break
                 if self.budget.over:
