@@ -224,7 +224,8 @@ def connector_form(found: Overview, system: System) -> Form:
         row.counts = "" if own else unit_of_connector(system, port) or OWN
         if port in columns:
             column = found.columns[columns[port]]
-            row.column, row.unit, row.why = column.index, column.unit or own or "1", "its name"
+            row.column, row.unit = column.index, column.unit or own or "1"
+            row.why = "" if matched.check(column.index) else "its name"
             row.held = None if row.held is None else column.held
             row.check = matched.check(column.index)
             if not row.check and own and not column.unit:

@@ -63,6 +63,7 @@ _POSITION = (
     r"position|\bpos\b|displac|stroke|travel|extension|cylind|zylind|\bhub\b|\bweg\b|\blage\b|\bcourse\b|carrera|corsa"
     r"|posicion|posicao|posizione|positie|\bslag\b|skok|asema"
 )
+_LENGTH = r"length|lange\b|distance|abstand|height|hohe\b|level"
 _SPEED = (
     r"speed|velocity|\bvelo?\b|geschw|drehzahl|\brpm\b|omega|vitesse|velocid|velocita|hastig|hastighet|snelheid|nopeus"
     r"|predkosc|\b(dq|qd|qdot)\b"
@@ -94,6 +95,22 @@ MOTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
 DRIVERS: dict[str, tuple[str, str]] = {
     "torque": (rf"^(?=.*({_TORQUE}))(?!.*({_COMMAND}|{_REFERENCE}|{_ESTIMATE}|{_FRICTION}))", "N.m"),
     "force": (rf"^(?=.*({_FORCE}))(?!.*({_COMMAND}|{_REFERENCE}|{_ESTIMATE}|{_FRICTION}))", "N"),
+}
+# kind of quantity -> what a name or description of one may say
+KINDS: dict[str, str] = {
+    "command": rf"{_COMMAND}|\bu\b|{_INPUT}|valve (opening|signal)|controller output|stellgrosse",
+    "reference": rf"{_REFERENCE}|setpoint|sollwert|consigne",
+    "estimate": _ESTIMATE,
+    "error": r"\berr(or)?\b|fehler|abweich|deviation",
+    "pressure": _PRESSURE,
+    "flow": _FLOW,
+    "torque": _TORQUE,
+    "force": _FORCE,
+    "speed": rf"{_SPEED}|\brate\b",
+    "angle": _ANGLE,
+    "place": rf"{_POSITION}|{_LENGTH}",
+    "current": r"current|\bstrom\b|\bi [abcq]\b",
+    "temperature": r"temper|\btemp\b",
 }
 AT_ONCE = ("speed", "flow")  # what follows a command itself; of others it is the rate of change
 ELECTRIC = ("V", "mV", "A", "mA")
