@@ -206,7 +206,11 @@ def by_meaning(
 
 
 def _may_be(label: Label, unit: str) -> bool:
-    return not (label.unit and unit) or same_dimension(label.unit, unit)
+    """Whether a column's unit may be a connector's; an angle may be a pure number, but no per cent."""
+    if not (label.unit and unit) or "1" in (label.unit, unit):
+        return True
+    one, other = definition(label.unit, {}), definition(unit, {})
+    return one is None or other is None or one.exponents == other.exponents
 
 
 def nearest(
