@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.anysystem.meant import Akin
+from cosim.anysystem.meant import APART, FITS, Akin
 from cosim.anysystem.read import value_of
 from cosim.compare.metrics import white_noise
 from cosim.errors import UsageError
@@ -20,10 +20,6 @@ INITIAL = re.compile(r"initial|init\b|\bstart|beginn?ing|\bbegins?\b|anfang")
 IN_NAME = re.compile(
     r"^(init|initial|start|begin)_?(?=[A-Za-z])|_?(0|init|initial|start|begin)$", re.IGNORECASE
 )
-FITS = (
-    0.6  # share of a parameter's words that the output's have, from which it is taken for its initial value
-)
-APART = 0.1
 FIRST = 5  # samples that are averaged for what a log begins with
 OFF = 5.0  # standard deviations of the noise, beyond which a log begins elsewhere than the model
 SEEN = 2e-3  # of a reading's range: what begins nearer than that begins where the model does

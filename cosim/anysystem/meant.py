@@ -105,8 +105,17 @@ class Meaning:
         return max(OF_KIND if same else 0.0, self._akin(word, other))
 
 
-def clearly(fits: Mapping[tuple[int, str], float]) -> dict[int, str]:
-    """Of (column, variable) -> fit those that mean each other clearly best, and then of what is left."""
+def clearly(
+    fits: Mapping[tuple[int, str], float], other_way: Mapping[int, int] | None = None
+) -> dict[int, str]:
+    """Of (column, variable) -> fit those that mean each other clearly best, and then of what is left.
+
+    Args:
+        fits: how well each column fits each variable.
+        other_way: column -> that of the other direction of the same command; the first of two stands for both.
+    """
+    second = {k for k, other in (other_way or {}).items() if k > other}
+    fits = {pair: fit for pair, fit in fits.items() if pair[0] not in second}
     found: dict[int, str] = {}
     while True:
         left = {pair: f for pair, f in fits.items() if pair[0] not in found and pair[1] not in found.values()}

@@ -117,7 +117,11 @@ class Matches:
 
 
 def matches(
-    system: System, labels: Sequence[Label], clock: int | None = None, stamps: frozenset[int] = frozenset()
+    system: System,
+    labels: Sequence[Label],
+    clock: int | None = None,
+    stamps: frozenset[int] = frozenset(),
+    other_way: Mapping[int, int] | None = None,
 ) -> Matches:
     """Columns matched to connectors by name and unit, the best pairs first.
 
@@ -126,6 +130,7 @@ def matches(
         labels: the log's headings.
         clock: index of the time column; None where only its name can tell it.
         stamps: further columns that hold time.
+        other_way: column -> that of the other direction of the same command.
     """
     labels = tuple(heading(label, system) for label in labels)
     if clock is None:
@@ -163,7 +168,7 @@ def matches(
     # what a description says of the unit rules out less than what the FMU states, but here nothing else is sure either
     counts = {p: units[p] or unit_of_connector(system, p) for p in ports}
     fits = by_meaning(labels, times, taken, told, counts)
-    taken |= (meant := clearly(fits))
+    taken |= (meant := clearly(fits, other_way))
     doubts |= {k: _because(told[port]) for k, port in meant.items()}
     taken |= (guessed := only_by_unit(labels, times, taken, counts, told))
     doubts |= dict.fromkeys(guessed, "only the unit fits")
@@ -244,12 +249,14 @@ def of_file(system: System, found: Overview) -> Matches:
     """`matches` of a file, whose time may be told by more than a name, units as a mapping takes them."""
     labels = [replace(c.label, unit=c.unit or c.label.unit) for c in found.columns]
     clock = found.clock.column if found.clock else None
-    made = matches(system, labels, clock, _stamps(found))
+    others = {c.index: opposite(c, list(found.columns)) for c in found.columns}
+    ways = {k: other.index for k, other in others.items() if other is not None}
+    made = matches(system, labels, clock, _stamps(found), ways)
     if clock is None or _is_time(found.columns[clock]):
         return made
     # what only rises evenly may be a ramp: it is one where its name is a connector's
-    others = matches(system, labels, None, _stamps(found))
-    return others if clock in others.taken else made
+    again = matches(system, labels, None, _stamps(found), ways)
+    return again if clock in again.taken else made
 
 
 def entering(system: System) -> set[Port]:
@@ -373,13 +380,7 @@ def mapping_text(
     counts: dict[str, tuple[str, bool]] = {}
     times = _stamps(found) | found.times
     driving = entering(system)
-    free = [c for k, c in enumerate(found.columns) if k not in taken and k not in times]
-    away = {k: other for k in taken if (other := opposite(found.columns[k], free)) is not None}
-    away = {k: other for k, other in away.items() if port_of(system, taken[k]) in driving}
-    shows = [
-        c for k, c in enumerate(found.columns) if k in taken and port_of(system, taken[k]) not in driving
-    ]
-    ways = {k: directed(found.columns[k], other, named_like(taken[k], shows)) for k, other in away.items()}
+    ways = both_ways(system, found, matched)
     for k, column in enumerate(found.columns):
         if k in taken:
             port = taken[k]
@@ -437,11 +438,10 @@ def mapping_text(
             for port, (unit, sure) in counts.items()
             if not sure
         ]
-    outputs = {port: found.columns[k] for k, port in taken.items() if port_of(system, port) not in driving}
-    counted = {port: units[port] or counts.get(port, ("",))[0] for port in outputs}
-    begins = beginnings(system, outputs, counted, words, akin)
-    lines += _start_lines(begins, outputs)
-    told += _starts_told(begins, outputs)
+    begins = beginnings_of(system, found, matched)
+    read_in = {port: found.columns[k].unit or "" for k, port in taken.items()}
+    lines += _start_lines(begins, read_in)
+    told += [f"{b.connector} {began(b, read_in[b.connector])}" for b in begins if b.off]
     from_log = {b.parameter for b in begins if b.parameter and b.off}
     numbers = [
         f"{c.name}.{v.name}"
@@ -473,46 +473,55 @@ def _what(column: int, matched: Matches) -> str:
     return f"# what is this column? {first}connectors: {', '.join(rest)}"
 
 
-def _start_lines(begins: Sequence[Beginning], outputs: Mapping[str, Column]) -> list[str]:
+def both_ways(system: System, found: Overview, matched: Matches) -> dict[int, tuple[Column, Column]]:
+    """Index of an input's column -> the columns of its two directions, the positive one first, where it has two."""
+    taken, driving = matched.taken, entering(system)
+    times = _stamps(found) | found.times
+    free = [c for k, c in enumerate(found.columns) if k not in taken and k not in times]
+    shows = [found.columns[k] for k, port in taken.items() if port_of(system, port) not in driving]
+    away = {k: opposite(found.columns[k], free) for k, p in taken.items() if port_of(system, p) in driving}
+    return {
+        k: directed(found.columns[k], other, named_like(taken[k], shows))
+        for k, other in away.items()
+        if other is not None
+    }
+
+
+def beginnings_of(system: System, found: Overview, matched: Matches) -> list[Beginning]:
+    """Where a log begins with each output that it has, beside what the model begins with."""
+    driving = entering(system)
+    outputs = {p: found.columns[k] for k, p in matched.taken.items() if port_of(system, p) not in driving}
+    outputs = {p: column for p, column in outputs.items() if port_of(system, p).component}
+    units = {p: matched.units[p] or unit_of_connector(system, p) or c.unit or "" for p, c in outputs.items()}
+    return beginnings(system, outputs, units, words, akin)
+
+
+def began(start: Beginning, unit: str) -> str:
+    """Where a log begins with an output, and what of the model begins there."""
+    at = f"begins at {start.reading:.4g} {unit}".rstrip()
+    if start.parameter:
+        return f"{at}: the model begins there by {start.parameter}{'' if start.named else ' (CHECK)'}"
+    own = f", the model at {start.model:.4g}" if start.model is not None else ""
+    return f"{at}{own}, and no parameter looks like its start: name one under [compare.start], or expect an offset"
+
+
+def _start_lines(begins: Sequence[Beginning], units: Mapping[str, str]) -> list[str]:
     """The table of initial values that the log knows; in comments where it begins as the model does."""
     lines = []
     for b in begins:
-        unit = outputs[b.connector].unit or ""
-        reading = f"the log begins at {b.reading:.4g} {unit}".rstrip()
+        reading = f"the log begins at {b.reading:.4g} {units[b.connector]}".rstrip()
+        own = f", the model at {b.model:.4g}" if b.model is not None else ", the model elsewhere"
         if b.parameter:
             sure = "" if b.named else "; its description says so: CHECK"
-            own = f", the model at {b.model:.4g}" if b.model is not None else ""
-            lines.append(
-                f"{'' if b.off else '# '}{_quoted(b.parameter)} = {_quoted(b.connector)}    # {reading}{own}{sure}"
-            )
+            mark = "" if b.off else "# "
+            lines.append(f"{mark}{_quoted(b.parameter)} = {_quoted(b.connector)}    # {reading}{own}{sure}")
         elif b.off:
-            own = f"the model at {b.model:.4g}" if b.model is not None else "the model elsewhere"
-            lines.append(
-                f'# "component.parameter" = {_quoted(b.connector)}    # {reading}, {own}; no parameter looks like its start'
-            )
+            none = "no parameter looks like its start"
+            lines.append(f'# "component.parameter" = {_quoted(b.connector)}    # {reading}{own}; {none}')
     if not lines:
         return []
     head = "[compare.start]" if any(not line.startswith("#") for line in lines) else "# [compare.start]"
     return ["", f"{head}    # an initial value -> the output whose first reading it takes", *lines]
-
-
-def _starts_told(begins: Sequence[Beginning], outputs: Mapping[str, Column]) -> list[str]:
-    """What to say of outputs that do not begin where the model does."""
-    told = []
-    for b in begins:
-        if not b.off:
-            continue
-        unit = outputs[b.connector].unit or ""
-        at = f"{b.connector} begins at {b.reading:.4g} {unit}".rstrip()
-        if b.parameter:
-            told.append(f"{at}: the model begins there by {b.parameter}{'' if b.named else ': CHECK'}")
-        else:
-            own = f" and the model at {b.model:.4g}" if b.model is not None else ""
-            told.append(
-                f"{at}{own}, with no parameter that looks like its start: name one under [compare.start], "
-                "or expect an offset"
-            )
-    return told
 
 
 def named_like(connector: str, columns: Sequence[Column]) -> Column | None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.anysystem.start import entering, of_file, unit_of_connector
+from cosim.anysystem.start import began, beginnings_of, both_ways, entering, of_file, unit_of_connector
 from cosim.errors import UsageError
 from cosim.logs.guess import DRIVERS, MOTIONS, Guess, demands, guesses, likely, machine_lines, texts_of
 from cosim.logs.mapping import Column as Named
@@ -95,12 +95,14 @@ class Form:
         rows: the signals.
         least: at least one of these must be chosen too, with the words for them; empty where it does not matter.
         named: what the least are, in words.
+        start: parameter that is the initial value of a signal that begins elsewhere than the model -> this signal.
     """
 
     time: TimeRow
     rows: list[Row]
     least: list[str] = field(default_factory=list)
     named: str = ""
+    start: dict[str, str] = field(default_factory=dict)
 
 
 def column_facts(column: Column) -> dict[str, Any]:
@@ -216,7 +218,7 @@ def connector_form(found: Overview, system: System) -> Form:
     matched = of_file(system, found)
     clock = found.clock.column if found.clock else None
     columns = {port: k for k, port in matched.taken.items() if k != clock}
-    driving = entering(system)
+    driving, ways = entering(system), both_ways(system, found, matched)
     rows = []
     for port, own in matched.units.items():
         row = Row(port, "input" if port in system.inputs else "", unit=own or "1")
@@ -224,7 +226,8 @@ def connector_form(found: Overview, system: System) -> Form:
         row.counts = "" if own else unit_of_connector(system, port) or OWN
         if port in columns:
             column = found.columns[columns[port]]
-            row.column, row.unit = column.index, column.unit or own or "1"
+            said = "" if row.counts == OWN else row.counts
+            row.column, row.unit = column.index, column.unit or own or said or "1"
             row.why = "" if matched.check(column.index) else "its name"
             row.held = None if row.held is None else column.held
             row.check = matched.check(column.index)
@@ -232,10 +235,22 @@ def connector_form(found: Overview, system: System) -> Form:
                 row.check = "the heading has no unit"
             if not row.check and row.counts == OWN and not in_si(row.unit):
                 row.check = "the FMU states no unit: it is taken to count as the log does"
+            if not row.check and said and not column.unit:
+                row.check = "the unit is that of the FMU's description"
+            if column.index in ways:
+                one, other = ways[column.index]
+                row.column, row.minus = one.index, (one.index, other.index)
+                row.held = one.held or other.held
+                row.check = row.check or f"column '{other.label.shown}' is taken off it"
         rows.append(row)
+    begins = {b.connector: b for b in beginnings_of(system, found, matched) if b.off}
+    for row in rows:
+        if row.signal in begins:
+            row.text = began(begins[row.signal], found.columns[columns[row.signal]].unit or "")
+    start = {b.parameter: b.connector for b in begins.values() if b.parameter}
     rows.sort(key=lambda row: row.column is None)
     outputs = [row.signal for row in rows if row.signal not in system.inputs]
-    return Form(time_row(found), rows, outputs, "an output of a component")
+    return Form(time_row(found), rows, outputs, "an output of a component", start)
 
 
 def file_form(
