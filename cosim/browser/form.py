@@ -11,7 +11,17 @@ import numpy as np
 
 from cosim.anysystem.start import began, beginnings_of, both_ways, entering, of_file, unit_of_connector
 from cosim.errors import UsageError
-from cosim.logs.guess import DRIVERS, MOTIONS, Guess, demands, guesses, likely, machine_lines, texts_of
+from cosim.logs.guess import (
+    DRIVERS,
+    MOTIONS,
+    Guess,
+    demands,
+    guesses,
+    likely,
+    machine_lines,
+    of_other_axis,
+    texts_of,
+)
 from cosim.logs.mapping import Column as Named
 from cosim.logs.mapping import Mapping, SignalColumn
 from cosim.logs.overview import Column, Overview
@@ -182,8 +192,9 @@ def machine_form(found: Overview) -> Form:
 
 
 def of_another(found: Overview) -> bool:
-    """Whether a log shows a drive of its own, and nothing of the crane but a command."""
-    return likely(found)[1] and guesses(found).keys() <= {DRIVE}
+    """Whether a log shows a drive of its own, and nothing of the crane but a command, or an angle that is another axis'."""
+    crane = guesses(found)
+    return likely(found)[1] and (crane.keys() <= {DRIVE} or bool(of_other_axis(crane)))
 
 
 def machine_of(found: Overview, entries: Table[str, Table[str, Any]]) -> dict[str, Any]:

@@ -45,6 +45,10 @@ _ANGLE = (
     r"|\bq \d+\b"  # a robot's joint; a flow has its unit beside
     r"|\bpan\b|\byaw\b|azimut|\bheading\b|\bencoder|drehgeber"
 )
+# axes of a machine that slews as well: their commands and angles are none of the slew drive
+_OTHER_AXES = (
+    r"\b(boom|arm|stick|dipper|bucket|bkt|blade|jib|tilt|ausleger|stiel|loffel|fleche|balancier|godet)\b"
+)
 _TURNS = {"deg": 360, "rad": 6.283185307, "turn": 1}  # unit of an angle -> how much of it is a turn
 _ENCODER = re.compile(r"\bencoder|drehgeber")
 NAMES: dict[str, str] = {
@@ -346,11 +350,22 @@ def likely(found: Overview) -> tuple[dict[str, Guess], bool]:
         The guesses, and whether they are those for another machine.
     """
     crane = guesses(found)
-    if {"u", "slew"} <= crane.keys():
+    elsewhere = of_other_axis(crane)
+    if {"u", "slew"} <= crane.keys() and not elsewhere:
         return crane, False
     other = guesses(found, machine=True)
     driven, moves = {"u", *DRIVERS} & other.keys(), {"slew", *MOTIONS} & other.keys()
-    return (other, True) if driven and moves and len(other) >= len(crane) else (crane, False)
+    return (other, True) if driven and moves and (elsewhere or len(other) >= len(crane)) else (crane, False)
+
+
+def of_other_axis(made: dict[str, Guess]) -> str:
+    """The column guessed as the slew angle whose name says that it is of another axis, such as a boom; empty if none is."""
+    if "slew" not in made:
+        return ""
+    shown = made["slew"].column.label.shown
+    words = plain(made["slew"].column.label.short)
+    other = re.search(_OTHER_AXES, words) and not re.search(r"slew|swing|schwenk", words)
+    return shown if other else ""
 
 
 def paired(axes: list[Column], commands: list[Column], rate: bool) -> tuple[list[Column], Column | None]:
@@ -575,7 +590,7 @@ def _by_shape(free: list[Column], made: dict[str, Guess]) -> list[tuple[str, Col
             for c in moving
             if c.unit is not None and _convertible(c.unit, unit) and not (signal == "slew" and _asked(c))
         ]
-        if signal not in made and len(alone) == 1:
+        if signal not in made and len(alone) == 1 and not _asked(alone[0]):
             told.append(
                 (signal, alone[0], f"it is the only column that is {what} and is not named otherwise")
             )

@@ -229,7 +229,7 @@ def overview(path: Path, mapping: Mapping | None = None, source: Source | None =
     if any(_tells_time(c) and newest_first(c.finite) for c in columns):  # the loader reads it backwards too
         columns = tuple(replace(c, values=c.values[::-1]) for c in columns)
     clock, interval = _clock(source, columns), _interval(source.constants)
-    return Overview(path, columns, clock, tuple(source.warnings), header, interval)
+    return Overview(path, columns, clock, tuple(dict.fromkeys(source.warnings)), header, interval)
 
 
 def _interval(constants: dict[str, float]) -> tuple[str, float] | None:
