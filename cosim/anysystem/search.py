@@ -1820,13 +1820,13 @@ class Search:
         return max(*(white_noise(r) for r in readings), self.problem.least[self.model.places(signal)[0]])
 
     def _floor(self, signal: str, best: Candidate) -> float:
-        """Noise of a reading: what is left by the best, where that is noise."""
+        """Noise of a reading: what is left by the best, where that is noise; else that of the reading itself."""
         residual = self.problem.residuals(best.fit.values)
         own = self.model.whole(residual, signal)
         return (
             float(np.std(own))
             if signal not in self._wrong(self._told(residual, best), residual)
-            else self._white(signal)
+            else min(self.model.segments[k].noise(signal) for k in self.model.judging(signal))
         )
 
     def _told(self, residual: Mapping[str, Array], candidate: Candidate) -> dict[str, Explained]:
