@@ -47,6 +47,9 @@ SIZE = 2e-3  # of a signal's spread: what is smaller does not matter to anybody
 SOLVERS = 1.25  # times the error of the model's solvers: what is smaller may be theirs
 TOLD = 0.05  # share of a residual's variance that inputs must tell before it counts as systematic
 UNTOLD = 0.025  # of a signal's spread, and
+MOST_COARSE = (
+    0.1  # of a reading's spread: what half the step changes more is no solver's error but a wrong model
+)
 LOUD = 3.0  # times its white noise: a residual beyond both is no noise even if no input tells it
 ABOVE = 1.2  # times a reading's white noise: a fit that leaves more of it may not be the best of its kind
 BETTER = 0.15  # a set of causes is named if it leaves no more than this part of what was systematic,
@@ -396,7 +399,12 @@ class Search:
         # of a model far beyond its reading, as in another unit, the error falls with all that brings it there
         ranges = {s: float(np.std(model.whole(first, s))) for s in found}
         shares = {s: min(1.0, self.spreads[s] / max(ranges[s], 1e-300)) for s in found}
-        return {s: shares[s] * size for s, size in found.items() if np.isfinite(size)}
+        # and of one that halves its steps and is another model, all would pass for its solvers' error
+        return {
+            s: min(shares[s] * size, MOST_COARSE * self.spreads[s])
+            for s, size in found.items()
+            if np.isfinite(size)
+        }
 
     def _matters(self, signal: str) -> float:
         """RMS of what matters: less is nobody's concern, or the error of the model's own solvers."""
