@@ -949,7 +949,8 @@ def time_lines(found: Overview, stamps: int | None) -> list[str]:
     clock = found.clock
     if clock is None and found.interval is not None:
         name, step = found.interval
-        return ["[time]", f"step = {step:.9g}    # {name} in the file", 'unit = "s"']
+        doubt = "" if found.coarse is None else ": CHECK"
+        return ["[time]", f"step = {step:.9g}    # {name} in the file{doubt}", 'unit = "s"']
     if clock is None:
         return [
             "[time]",

@@ -532,6 +532,16 @@ def test_milliseconds_that_were_scaled_from_seconds_are_milliseconds():
     assert counted(0.656 * np.arange(5000)) == "s"
 
 
+def test_stamps_of_too_few_digits_tell_the_interval_and_are_no_command(write):
+    """A clock of six digits after 1000 s repeats itself: it was guessed to be the command."""
+    t = np.round(1000.0 + 0.001 * np.arange(2000), 2)
+    columns = overview(write("t,cmd,pos\n" + rows(np.column_stack([t, np.sin(t), np.cos(t)]))))
+    assert columns.interval is not None
+    assert columns.interval[1] == pytest.approx(0.001, rel=0.01)
+    assert columns.times == {0}
+    assert "u" not in guesses(columns) or guesses(columns)["u"].column.label.name == "cmd"
+
+
 def test_a_reference_is_no_spool(write):
     t = 0.01 * np.arange(400)
     table = np.column_stack([t, np.sin(t), np.sin(t)])
