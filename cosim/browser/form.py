@@ -330,6 +330,9 @@ def _of_file(found: Overview, name: str, entry: SignalColumn, needed: bool) -> R
 def time_row(found: Overview) -> TimeRow:
     """Time as the file itself tells it."""
     clock = found.clock
+    if clock is None and found.coarse is not None and found.interval is not None:
+        name = found.columns[found.coarse].label.shown
+        return TimeRow(step=found.interval[1], check=f"mean interval of '{name}', whose stamps repeat")
     if clock is None:
         return TimeRow(check="no column looks like a time: choose it, or give the interval between samples")
     return TimeRow(clock.column, clock.column is None, None, clock.unit, clock.guessed)

@@ -254,7 +254,7 @@ def _mean_interval(column: Column) -> float:
     """Interval between the samples of a time column, s."""
     mean = float(column.finite[-1] - column.finite[0]) / (column.finite.size - 1)
     unit = column.unit or ""
-    unit = unit if unit and is_time(unit) else counted(mean * np.arange(column.finite.size))
+    unit = unit if unit and is_time(unit) else counted(np.arange(column.finite.size, dtype=np.float64) * mean)
     return float(f"{mean * conversion(unit, 's'):.4g}")
 
 
