@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from cosim.anysystem.actions import PARAMETER, acted, in_log, placed
 from cosim.anysystem.smooth import followed
+from cosim.compare.metrics import noise_floor
 from cosim.ssp.fmu import promises_initial_outputs
 from cosim.ssp.system import Port, System
 from cosim.system.graph import CutGroup, Unit, together
@@ -71,6 +72,11 @@ class Segment:
     def reading(self, signal: str) -> Array:
         """(m,) a signal as it was read: straight lines between uneven stamps hide its steps and repeated samples."""
         return self.recorded.get(signal, self.signals[signal])
+
+    def noise(self, signal: str) -> float:
+        """Standard deviation of the noise of a signal as it was read, as `cosim compare` tells it."""
+        every = float(np.median(np.diff(self.stamps))) if self.stamps.size else 1.0
+        return noise_floor(self.reading(signal), every * self.h)
 
     def known(self, signal: str) -> NDArray[np.bool_]:
         """(n,) True where a signal was read, and not filled in a pause or a missing value."""

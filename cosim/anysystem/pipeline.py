@@ -14,7 +14,7 @@ from cosim.anysystem.model import HOLD, GroupModel, Quantity, Segment, place
 from cosim.anysystem.options import AnyOptions
 from cosim.anysystem.read import Recording, begun, value_of
 from cosim.anysystem.readings import stale_of
-from cosim.anysystem.search import CLOSE, Candidate, Finding, Search, Trust, errors, worth
+from cosim.anysystem.search import CLOSE, MOST_COARSE, Candidate, Finding, Search, Trust, errors, worth
 from cosim.anysystem.smooth import followed, still
 from cosim.anysystem.start import settable
 from cosim.anysystem.thin import alike, factors, loses_noise_alone, share, thinned
@@ -37,6 +37,7 @@ AS_GOOD = 2.0  # times a reading's noise: a model that leaves no more of it take
 LEAST_GAIN = 0.05  # below it a reading holds more noise than signal
 UNEVEN = 0.01  # of an interval
 PAUSED = 0.01  # of a log: shorter pauses need no word
+WHOLLY = 0.999  # of a limit: rounding apart it is reached
 FAR = 5.0  # spreads of a reading by which a model errs that is in another unit, or runs away
 NO_LOGS: tuple[frozenset[int], frozenset[int]] = (frozenset(), frozenset())
 SAID = 3e-3  # of a signal's spread: what a finer solver changes of it is said
@@ -351,8 +352,11 @@ def judge(
         f"{group.name}: its own solver is off in {signal} by {100 * size / search.spreads[signal]:.2g} % of its spread "
         "(RMS), so less is not looked for; export it with a finer step or tolerance"
         for signal, size in model.coarse.items()
-        if size > SAID * search.spreads[signal]
+        if SAID * search.spreads[signal] < size < WHOLLY * MOST_COARSE * search.spreads[signal]
     ]
+    too_long = steps_too_long(search)
+    found.notes += too_long
+    found.advice += too_long
     doubted = doubtful(found, search)
     heard(found, search, doubted)
     if model.drives:
@@ -572,6 +576,17 @@ def unmeasured(system: System, group: CutGroup) -> dict[str, float | None]:
                 value = system.components[component].starts.get(variable.name, variable.start)
                 found[name] = float(value) if isinstance(value, (int, float)) else None
     return found
+
+
+def steps_too_long(search: Search) -> list[str]:
+    """Signals of which a model is another one with half the step."""
+    h = max(s.h for s in search.model.segments)
+    return [
+        f"{signal}: with half the step the model gives something else, by a tenth of what the reading varies or more: "
+        f"{h:.3g} s are too long for it; let it take shorter steps inside, or record faster"
+        for signal, size in search.model.coarse.items()
+        if size >= WHOLLY * MOST_COARSE * search.spreads[signal]
+    ]
 
 
 def far_off(finding: Finding) -> list[str]:

@@ -14,6 +14,7 @@ COARSE = 4e-3  # of the range: a finer grid is the file's decimals
 ON = 0.02  # of the step: so near to the grid a value lies on it
 FEW = 0.2  # distinct values per sample at most
 STALE = 0.01  # share of repeated samples from which they are no accident
+MISSED = 0.5  # of a reading's usual change: less than that at the end of repeated samples is nothing missed
 NOISY = 3e-4  # of the spread: with this much noise no two samples are alike
 
 
@@ -79,6 +80,14 @@ def _tells(kept: Array, speed: Array, repeats: NDArray[np.bool_]) -> bool:
     return bool(np.median(speed[repeats]) > 0.5 * np.median(speed) > 0.0)
 
 
+def jumps_after(series: Array, repeats: NDArray[np.bool_]) -> Array:
+    """By how much a reading changes where it ends to repeat itself, over its usual change."""
+    change = np.abs(np.diff(series))
+    usual = float(np.median(change[~repeats[1:]])) if not repeats.all() else 0.0
+    ends = np.flatnonzero(repeats[:-1] & ~repeats[1:])
+    return change[ends] / usual if usual > 0.0 else np.zeros(0)
+
+
 def stale_of(series: list[Array], model: list[Array]) -> Stale | None:
     """Repeated samples of a reading that is noisy, or whose model moves meanwhile; those of a machine at rest are none."""
     repeats = [np.concatenate([[False], np.diff(s) == 0.0]) & ~(resting(s) | rounded(s)) for s in series]
@@ -91,6 +100,10 @@ def stale_of(series: list[Array], model: list[Array]) -> Stale | None:
         return None
     share = sum(int(r.sum()) for r in repeats) / count
     if not STALE < share < 0.9:
+        return None
+    # what was missed meanwhile shows at once; a machine that stands, or begins to move, has missed nothing
+    after = np.concatenate([jumps_after(s, r) for s, r in zip(series, repeats, strict=True)])
+    if after.size and float(np.median(after)) < MISSED:
         return None
     kept = np.concatenate([s[~r] for s, r in zip(series, repeats, strict=True)])
     if np.unique(kept).size < 0.5 * kept.size:

@@ -48,6 +48,9 @@ SIZE = 2e-3  # of a signal's spread: what is smaller does not matter to anybody
 SOLVERS = 1.25  # times the error of the model's solvers: what is smaller may be theirs
 TOLD = 0.05  # share of a residual's variance that inputs must tell before it counts as systematic
 UNTOLD = 0.025  # of a signal's spread, and
+MOST_COARSE = (
+    0.1  # of a reading's spread: what half the step changes more is no solver's error but a wrong model
+)
 LOUD = 3.0  # times its white noise: a residual beyond both is no noise even if no input tells it
 ABOVE = 1.2  # times a reading's white noise: a fit that leaves more of it may not be the best of its kind
 BETTER = 0.15  # a set of causes is named if it leaves no more than this part of what was systematic,
@@ -446,7 +449,12 @@ class Search:
         # of a model far beyond its reading, as in another unit, the error falls with all that brings it there
         ranges = {s: float(np.std(model.whole(first, s))) for s in found}
         shares = {s: min(1.0, self.spreads[s] / max(ranges[s], 1e-300)) for s in found}
-        return {s: shares[s] * size for s, size in found.items() if np.isfinite(size)}
+        # and of one that halves its steps and is another model, all would pass for its solvers' error
+        return {
+            s: min(shares[s] * size, MOST_COARSE * self.spreads[s])
+            for s, size in found.items()
+            if np.isfinite(size)
+        }
 
     def _matters(self, signal: str) -> float:
         """RMS of what matters: less is nobody's concern, or the error of the model's own solvers."""
@@ -1980,13 +1988,13 @@ class Search:
         return max(*(white_noise(r) for r in readings), self.problem.least[self.model.places(signal)[0]])
 
     def _floor(self, signal: str, best: Candidate) -> float:
-        """Noise of a reading: what is left by the best, where that is noise."""
+        """Noise of a reading: what is left by the best, where that is noise; else that of the reading itself."""
         residual = self.problem.residuals(best.fit.values)
         own = self.model.whole(residual, signal)
         return (
             float(np.std(own))
             if signal not in self._wrong(self._told(residual, best), residual)
-            else self._white(signal)
+            else min(self.model.segments[k].noise(signal) for k in self.model.judging(signal))
         )
 
     def _told(self, residual: Mapping[str, Array], candidate: Candidate) -> dict[str, Explained]:

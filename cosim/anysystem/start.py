@@ -2,10 +2,12 @@
 
 import re
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from difflib import SequenceMatcher
 from pathlib import Path
 
+from cosim.anysystem.initial import Beginning, beginnings
+from cosim.anysystem.meant import Meaning, behind, clearly, conflicts
 from cosim.anysystem.read import ends, heading, value_of
 from cosim.errors import DataError
 from cosim.logs.clocks import TIME_WORDS
@@ -20,6 +22,9 @@ from cosim.system.graph import connectors, port_of
 
 ALIKE = 0.72  # of two names, from 0 to 1
 SHORTEST = 3  # letters of a word that may be short for another
+BY_NAME = 0.95  # from which on a column has a connector's very name
+ABOUT = 0.05  # by which of two columns that fit a name neither is the better
+NEAREST = 3  # columns that are shown for a connector without one
 SLIP = 0.8  # of two words that are the same but for a slip
 LETTERS = {"u": ("in", "input"), "y": ("out", "output")}  # Modelica's names of a block's connectors
 TIMES = ("time", "t", "zeit", "temps", "tid", "timestamp", "seconds")
@@ -95,30 +100,28 @@ class Matches:
         clock: index of the time column, or None.
         taken: index of a column -> connector.
         units: connector -> unit of the FMU's variable, empty where it has none.
-        by_unit: columns of `taken` of which only the unit fits, and that of no other column or connector.
-        by_place: columns of `taken` that have no name but stand where the output does.
-        left_over: the column of `taken` that was left over, as its connector was.
+        doubts: index of a column of `taken` -> what is uncertain in its match.
+        near: connector without a column -> the columns without a connector that come nearest to it, the nearest first.
     """
 
     labels: tuple[Label, ...]
     clock: int | None
     taken: dict[int, str]
     units: dict[str, str]
-    by_unit: frozenset[int] = frozenset()
-    by_place: frozenset[int] = frozenset()
-    left_over: frozenset[int] = frozenset()
+    doubts: Mapping[int, str] = field(default_factory=dict)
+    near: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
 
     def check(self, column: int) -> str:
         """What is uncertain in a match, or empty."""
-        if column in self.by_unit:
-            return "only the unit fits"
-        if column in self.left_over:
-            return "the only ones left over"
-        return "by its place among the outputs" if column in self.by_place else ""
+        return self.doubts.get(column, "")
 
 
 def matches(
-    system: System, labels: Sequence[Label], clock: int | None = None, stamps: frozenset[int] = frozenset()
+    system: System,
+    labels: Sequence[Label],
+    clock: int | None = None,
+    stamps: frozenset[int] = frozenset(),
+    other_way: Mapping[int, int] | None = None,
 ) -> Matches:
     """Columns matched to connectors by name and unit, the best pairs first.
 
@@ -127,6 +130,7 @@ def matches(
         labels: the log's headings.
         clock: index of the time column; None where only its name can tell it.
         stamps: further columns that hold time.
+        other_way: column -> that of the other direction of the same command.
     """
     labels = tuple(heading(label, system) for label in labels)
     if clock is None:
@@ -140,30 +144,90 @@ def matches(
     called = {plain(name) for label in labels for name in _names(label)}
     ports += [p for p in internal(system) if {plain(p), plain(p.partition(".")[2])} & called]
     units = {p: _unit(system, p) for p in ports}
-    pairs = sorted(
-        (
-            (
-                max(likeness(label, name, units[port]) for name in (port, *feeds.get(port, ()))),
-                port in feeds,
-                k,
-                port,
-            )
-            for k, label in enumerate(labels)
-            if k not in times
-            for port in ports
-        ),
-        reverse=True,
-    )
+    told = {p: _told(system, p) for p in ports}
+    driving = entering(system)
+    scores = {
+        (k, port): max(likeness(label, name, units[port]) for name in (port, *feeds.get(port, ())))
+        for k, label in enumerate(labels)
+        if k not in times
+        for port in ports
+        if port_of(system, port) in driving or not behind(label.short, " ".join((port, *told[port])))
+    }
     taken: dict[int, str] = {}
-    for score, _, k, port in pairs:
-        if score >= ALIKE and k not in taken and port not in taken.values():
+    doubts: dict[int, str] = {}
+    for k, port in sorted(scores, key=lambda pair: (scores[pair], pair[1] in feeds, *pair), reverse=True):
+        if scores[k, port] >= ALIKE and k not in taken and port not in taken.values():
             taken[k] = port
-    placed = by_place(system, labels, taken)
-    taken |= placed
-    guessed = only_by_unit(labels, times, taken, units)
-    taken |= guessed
-    last = left_over(labels, times, taken, units)
-    return Matches(labels, clock, taken | last, units, frozenset(guessed), frozenset(placed), frozenset(last))
+    for k, port in taken.items():
+        others = [n for n in range(len(labels)) if n not in taken and n not in times]
+        equal = [n for n in others if scores.get((n, port), 0.0) > scores[k, port] - ABOUT]
+        if equal and scores[k, port] < BY_NAME:
+            doubts[k] = f"'{labels[equal[0]].shown}' fits its name as well"
+    taken |= (placed := by_place(system, labels, taken))
+    doubts |= dict.fromkeys(placed, "by its place among the outputs")
+    # what a description says of the unit rules out less than what the FMU states, but here nothing else is sure either
+    counts = {p: units[p] or unit_of_connector(system, p) for p in ports}
+    fits = by_meaning(labels, times, taken, told, counts)
+    taken |= (meant := clearly(fits, other_way))
+    doubts |= {k: _because(told[port]) for k, port in meant.items()}
+    taken |= (guessed := only_by_unit(labels, times, taken, counts, told))
+    doubts |= dict.fromkeys(guessed, "only the unit fits")
+    sure = any(k not in meant for k in taken)  # what is left over from guesses is none
+    taken |= (last := left_over(labels, times, taken, counts, told) if sure else {})
+    doubts |= dict.fromkeys(last, "the only ones left over")
+    return Matches(labels, clock, taken, units, doubts, nearest(fits, taken, ports))
+
+
+def _told(system: System, connector: str) -> tuple[str, str, str]:
+    """Name of a connector's variable, what the FMU says of it, and its component's name."""
+    port = port_of(system, connector)
+    said = " ".join(system.variable(p).description for p, _, _ in ends(system, port))
+    component = port.component or " ".join(dict.fromkeys(p.component for p, _, _ in ends(system, port)))
+    return port.variable, said, component
+
+
+def _because(told: tuple[str, str, str]) -> str:
+    said = " ".join(told[1].split())
+    return f"as its description, '{said}', has it" if said else "by the quantity that its name tells"
+
+
+def by_meaning(
+    labels: Sequence[Label],
+    times: Collection[int],
+    taken: Mapping[int, str],
+    told: Mapping[str, tuple[str, str, str]],
+    units: Mapping[str, str],
+) -> dict[tuple[int, str], float]:
+    """(Column, connector) of those left over -> how well the description fits the column, where the units may fit."""
+    names = {k: label.short for k, label in enumerate(labels) if k not in times}
+    meaning = Meaning(list(names.values()), words, akin)
+    return {
+        (k, port): meaning.fit(name, *told[port])
+        for k, name in names.items()
+        if k not in taken
+        for port in told
+        if port not in taken.values() and _may_be(labels[k], units[port])
+    }
+
+
+def _may_be(label: Label, unit: str) -> bool:
+    """Whether a column's unit may be a connector's; an angle may be a pure number, but no per cent."""
+    if not (label.unit and unit) or "1" in (label.unit, unit):
+        return True
+    one, other = definition(label.unit, {}), definition(unit, {})
+    return one is None or other is None or one.exponents == other.exponents
+
+
+def nearest(
+    fits: Mapping[tuple[int, str], float], taken: Mapping[int, str], ports: Sequence[str]
+) -> dict[str, tuple[int, ...]]:
+    """Connector without a column -> the columns left over that come nearest to it."""
+    free = {p: [k for k, port in fits if port == p and k not in taken and fits[k, p] > 0.0] for p in ports}
+    return {
+        p: tuple(sorted(columns, key=lambda k: -fits[k, p])[:NEAREST])
+        for p, columns in free.items()
+        if columns and p not in taken.values()
+    }
 
 
 def by_place(system: System, labels: Sequence[Label], taken: Mapping[int, str]) -> dict[int, str]:
@@ -185,12 +249,14 @@ def of_file(system: System, found: Overview) -> Matches:
     """`matches` of a file, whose time may be told by more than a name, units as a mapping takes them."""
     labels = [replace(c.label, unit=c.unit or c.label.unit) for c in found.columns]
     clock = found.clock.column if found.clock else None
-    made = matches(system, labels, clock, _stamps(found))
+    others = {c.index: opposite(c, list(found.columns)) for c in found.columns}
+    ways = {k: other.index for k, other in others.items() if other is not None}
+    made = matches(system, labels, clock, _stamps(found), ways)
     if clock is None or _is_time(found.columns[clock]):
         return made
     # what only rises evenly may be a ramp: it is one where its name is a connector's
-    others = matches(system, labels, None, _stamps(found))
-    return others if clock in others.taken else made
+    again = matches(system, labels, None, _stamps(found), ways)
+    return again if clock in again.taken else made
 
 
 def entering(system: System) -> set[Port]:
@@ -228,7 +294,11 @@ def internal(system: System) -> list[str]:
 
 
 def only_by_unit(
-    labels: Sequence[Label], times: Collection[int], taken: Mapping[int, str], units: Mapping[str, str]
+    labels: Sequence[Label],
+    times: Collection[int],
+    taken: Mapping[int, str],
+    units: Mapping[str, str],
+    told: Mapping[str, tuple[str, str, str]] | None = None,
 ) -> dict[int, str]:
     """Columns left over of which the unit fits one connector that is left over, and this no other column."""
     left = [p for p in units if p not in taken.values() and dimensional(units[p])]
@@ -237,7 +307,15 @@ def only_by_unit(
         for k, label in enumerate(labels)
         if k not in times and k not in taken and dimensional(label.unit or "")
     ]
-    fits = {k: [p for p in left if same_dimension(labels[k].unit or "", units[p])] for k in rest}
+    fits = {
+        k: [
+            p
+            for p in left
+            if same_dimension(labels[k].unit or "", units[p])
+            and not conflicts(labels[k].short, " ".join((told or {}).get(p, (p,))[:2]))
+        ]
+        for k in rest
+    }
     return {
         k: ports[0]
         for k, ports in fits.items()
@@ -246,7 +324,11 @@ def only_by_unit(
 
 
 def left_over(
-    labels: Sequence[Label], times: Collection[int], taken: Mapping[int, str], units: Mapping[str, str]
+    labels: Sequence[Label],
+    times: Collection[int],
+    taken: Mapping[int, str],
+    units: Mapping[str, str],
+    told: Mapping[str, tuple[str, str, str]] | None = None,
 ) -> dict[int, str]:
     """The one column and the one connector that are left over where others were found, if their units may fit."""
     rest = [k for k in range(len(labels)) if k not in times and k not in taken]
@@ -254,6 +336,8 @@ def left_over(
     if not taken or len(rest) != 1 or len(left) != 1:
         return {}
     own, wanted = labels[rest[0]].unit, units[left[0]]
+    if conflicts(labels[rest[0]].short, " ".join((told or {}).get(left[0], (left[0],))[:2])):
+        return {}
     return {rest[0]: left[0]} if not (own and wanted) or same_dimension(own, wanted) else {}
 
 
@@ -296,13 +380,7 @@ def mapping_text(
     counts: dict[str, tuple[str, bool]] = {}
     times = _stamps(found) | found.times
     driving = entering(system)
-    free = [c for k, c in enumerate(found.columns) if k not in taken and k not in times]
-    away = {k: other for k in taken if (other := opposite(found.columns[k], free)) is not None}
-    away = {k: other for k, other in away.items() if port_of(system, taken[k]) in driving}
-    shows = [
-        c for k, c in enumerate(found.columns) if k in taken and port_of(system, taken[k]) not in driving
-    ]
-    ways = {k: directed(found.columns[k], other, named_like(taken[k], shows)) for k, other in away.items()}
+    ways = both_ways(system, found, matched)
     for k, column in enumerate(found.columns):
         if k in taken:
             port = taken[k]
@@ -336,12 +414,7 @@ def mapping_text(
             )
             told.append(f"{shown} -> {port}{f' ({doubt}: CHECK)' if doubt else ''}")
         elif k not in times and all(column is not other for pair in ways.values() for other in pair):
-            rest = ", ".join(p for p in ports if p not in taken.values())
-            what = (
-                f"# what is this column? connectors: {rest}"
-                if rest
-                else "# no connector is left for this column"
-            )
+            what = _what(k, matched)
             lines += ["", what, '# [signals."component.connector"]']
             lines += [f"# column = {column_of(found, column)}", f"# unit = {_quoted(column.unit or '1')}"]
             open_.append(f"column '{column.label.shown}'")
@@ -365,11 +438,18 @@ def mapping_text(
             for port, (unit, sure) in counts.items()
             if not sure
         ]
+    begins = beginnings_of(system, found, matched)
+    read_in = {port: found.columns[k].unit or "" for k, port in taken.items()}
+    lines += _start_lines(begins, read_in)
+    told += [f"{b.connector} {began(b, read_in[b.connector])}" for b in begins if b.off]
+    from_log = {b.parameter for b in begins if b.parameter and b.off}
     numbers = [
         f"{c.name}.{v.name}"
         for c in system.components.values()
         for v in c.fmu.variables.values()
-        if settable(v) and value_of(system, f"{c.name}.{v.name}") is not None
+        if settable(v)
+        and value_of(system, f"{c.name}.{v.name}") is not None
+        and f"{c.name}.{v.name}" not in from_log
     ]
     lines += [
         "",
@@ -381,6 +461,67 @@ def mapping_text(
     )
     lines += ["# parameters that nobody knows: fitted with every cause", "# free = []", ""]
     return "\n".join(lines), told, open_, lacking(system, found, matched)
+
+
+def _what(column: int, matched: Matches) -> str:
+    """The question of which connector a column is, those that it comes nearest to first."""
+    rest = [p for p in matched.units if p not in matched.taken.values()]
+    if not rest:
+        return "# no connector is left for this column"
+    near = [p for p in rest if column in matched.near.get(p, ())]
+    first = f"perhaps {', '.join(near)}; " if near else ""
+    return f"# what is this column? {first}connectors: {', '.join(rest)}"
+
+
+def both_ways(system: System, found: Overview, matched: Matches) -> dict[int, tuple[Column, Column]]:
+    """Index of an input's column -> the columns of its two directions, the positive one first, where it has two."""
+    taken, driving = matched.taken, entering(system)
+    times = _stamps(found) | found.times
+    free = [c for k, c in enumerate(found.columns) if k not in taken and k not in times]
+    shows = [found.columns[k] for k, port in taken.items() if port_of(system, port) not in driving]
+    away = {k: opposite(found.columns[k], free) for k, p in taken.items() if port_of(system, p) in driving}
+    return {
+        k: directed(found.columns[k], other, named_like(taken[k], shows))
+        for k, other in away.items()
+        if other is not None
+    }
+
+
+def beginnings_of(system: System, found: Overview, matched: Matches) -> list[Beginning]:
+    """Where a log begins with each output that it has, beside what the model begins with."""
+    driving = entering(system)
+    outputs = {p: found.columns[k] for k, p in matched.taken.items() if port_of(system, p) not in driving}
+    outputs = {p: column for p, column in outputs.items() if port_of(system, p).component}
+    units = {p: matched.units[p] or unit_of_connector(system, p) or c.unit or "" for p, c in outputs.items()}
+    return beginnings(system, outputs, units, words, akin)
+
+
+def began(start: Beginning, unit: str) -> str:
+    """Where a log begins with an output, and what of the model begins there."""
+    at = f"begins at {start.reading:.4g} {unit}".rstrip()
+    if start.parameter:
+        return f"{at}: the model begins there by {start.parameter}{'' if start.named else ' (CHECK)'}"
+    own = f", the model at {start.model:.4g}" if start.model is not None else ""
+    return f"{at}{own}, and no parameter looks like its start: name one under [compare.start], or expect an offset"
+
+
+def _start_lines(begins: Sequence[Beginning], units: Mapping[str, str]) -> list[str]:
+    """The table of initial values that the log knows; in comments where it begins as the model does."""
+    lines = []
+    for b in begins:
+        reading = f"the log begins at {b.reading:.4g} {units[b.connector]}".rstrip()
+        own = f", the model at {b.model:.4g}" if b.model is not None else ", the model elsewhere"
+        if b.parameter:
+            sure = "" if b.named else "; its description says so: CHECK"
+            mark = "" if b.off else "# "
+            lines.append(f"{mark}{_quoted(b.parameter)} = {_quoted(b.connector)}    # {reading}{own}{sure}")
+        elif b.off:
+            none = "no parameter looks like its start"
+            lines.append(f'# "component.parameter" = {_quoted(b.connector)}    # {reading}{own}; {none}')
+    if not lines:
+        return []
+    head = "[compare.start]" if any(not line.startswith("#") for line in lines) else "# [compare.start]"
+    return ["", f"{head}    # an initial value -> the output whose first reading it takes", *lines]
 
 
 def named_like(connector: str, columns: Sequence[Column]) -> Column | None:

@@ -91,7 +91,15 @@ def _of_signals(model: str | None, log: Path) -> tuple[str, list[str], list[str]
     Raises:
         DataError: as `cosim.logs.overview.measured`.
     """
-    from cosim.logs.guess import clock_column, guesses, mapping_text, second_record, texts_of, used_by
+    from cosim.logs.guess import (
+        clock_column,
+        guesses,
+        mapping_text,
+        of_other_axis,
+        second_record,
+        texts_of,
+        used_by,
+    )
     from cosim.logs.overview import measured
 
     found = measured(log)
@@ -100,6 +108,10 @@ def _of_signals(model: str | None, log: Path) -> tuple[str, list[str], list[str]
         f"{g.column.label.shown}{f' minus {g.minus.label.shown}' if g.minus else ''} -> {name} [{g.unit}]: {g.why}"
         for name, g in made.items()
     ]
+    if model is not None and (other := of_other_axis(made)):
+        told.append(
+            f"'{other}' is no slew angle by its name: for a drive of its own take cosim init --machine: CHECK"
+        )
     second = second_record(found, made, clock_column(found, made))
     told += [f"{column.label.text} -> {name} of a record held out" for name, column in second.items()]
     used = used_by(made) | found.times | {column.index for column in second.values()}

@@ -9,9 +9,19 @@ from typing import Any
 
 import numpy as np
 
-from cosim.anysystem.start import entering, of_file, unit_of_connector
+from cosim.anysystem.start import began, beginnings_of, both_ways, entering, of_file, unit_of_connector
 from cosim.errors import UsageError
-from cosim.logs.guess import DRIVERS, MOTIONS, Guess, demands, guesses, likely, machine_lines, texts_of
+from cosim.logs.guess import (
+    DRIVERS,
+    MOTIONS,
+    Guess,
+    demands,
+    guesses,
+    likely,
+    machine_lines,
+    of_other_axis,
+    texts_of,
+)
 from cosim.logs.mapping import Column as Named
 from cosim.logs.mapping import Mapping, SignalColumn
 from cosim.logs.overview import Column, Overview
@@ -95,12 +105,14 @@ class Form:
         rows: the signals.
         least: at least one of these must be chosen too, with the words for them; empty where it does not matter.
         named: what the least are, in words.
+        start: parameter that is the initial value of a signal that begins elsewhere than the model -> this signal.
     """
 
     time: TimeRow
     rows: list[Row]
     least: list[str] = field(default_factory=list)
     named: str = ""
+    start: dict[str, str] = field(default_factory=dict)
 
 
 def column_facts(column: Column) -> dict[str, Any]:
@@ -180,8 +192,9 @@ def machine_form(found: Overview) -> Form:
 
 
 def of_another(found: Overview) -> bool:
-    """Whether a log shows a drive of its own, and nothing of the crane but a command."""
-    return likely(found)[1] and guesses(found).keys() <= {DRIVE}
+    """Whether a log shows a drive of its own, and nothing of the crane but a command, or an angle that is another axis'."""
+    crane = guesses(found)
+    return likely(found)[1] and (crane.keys() <= {DRIVE} or bool(of_other_axis(crane)))
 
 
 def machine_of(found: Overview, entries: Table[str, Table[str, Any]]) -> dict[str, Any]:
@@ -216,7 +229,7 @@ def connector_form(found: Overview, system: System) -> Form:
     matched = of_file(system, found)
     clock = found.clock.column if found.clock else None
     columns = {port: k for k, port in matched.taken.items() if k != clock}
-    driving = entering(system)
+    driving, ways = entering(system), both_ways(system, found, matched)
     rows = []
     for port, own in matched.units.items():
         row = Row(port, "input" if port in system.inputs else "", unit=own or "1")
@@ -224,17 +237,31 @@ def connector_form(found: Overview, system: System) -> Form:
         row.counts = "" if own else unit_of_connector(system, port) or OWN
         if port in columns:
             column = found.columns[columns[port]]
-            row.column, row.unit, row.why = column.index, column.unit or own or "1", "its name"
+            said = "" if row.counts == OWN else row.counts
+            row.column, row.unit = column.index, column.unit or own or said or "1"
+            row.why = "" if matched.check(column.index) else "its name"
             row.held = None if row.held is None else column.held
             row.check = matched.check(column.index)
             if not row.check and own and not column.unit:
                 row.check = "the heading has no unit"
             if not row.check and row.counts == OWN and not in_si(row.unit):
                 row.check = "the FMU states no unit: it is taken to count as the log does"
+            if not row.check and said and not column.unit:
+                row.check = "the unit is that of the FMU's description"
+            if column.index in ways:
+                one, other = ways[column.index]
+                row.column, row.minus = one.index, (one.index, other.index)
+                row.held = one.held or other.held
+                row.check = row.check or f"column '{other.label.shown}' is taken off it"
         rows.append(row)
+    begins = {b.connector: b for b in beginnings_of(system, found, matched) if b.off}
+    for row in rows:
+        if row.signal in begins:
+            row.text = began(begins[row.signal], found.columns[columns[row.signal]].unit or "")
+    start = {b.parameter: b.connector for b in begins.values() if b.parameter}
     rows.sort(key=lambda row: row.column is None)
     outputs = [row.signal for row in rows if row.signal not in system.inputs]
-    return Form(time_row(found), rows, outputs, "an output of a component")
+    return Form(time_row(found), rows, outputs, "an output of a component", start)
 
 
 def file_form(
@@ -303,6 +330,9 @@ def _of_file(found: Overview, name: str, entry: SignalColumn, needed: bool) -> R
 def time_row(found: Overview) -> TimeRow:
     """Time as the file itself tells it."""
     clock = found.clock
+    if clock is None and found.coarse is not None and found.interval is not None:
+        name = found.columns[found.coarse].label.shown
+        return TimeRow(step=found.interval[1], check=f"mean interval of '{name}', whose stamps repeat")
     if clock is None:
         return TimeRow(check="no column looks like a time: choose it, or give the interval between samples")
     return TimeRow(clock.column, clock.column is None, None, clock.unit, clock.guessed)

@@ -78,9 +78,11 @@ def mapping_of(given: Any, form: Form, found: Overview, base: Content) -> Conten
         raise FormError(f"there is nothing to compare the model with: choose a column for {form.named}")
     clock = _time(_table(given.get("time", {}), "time"), found, list(chosen))
     made = {**base, "time": clock, "signals": entries}
-    if counts:
-        compare = base.get("compare", {})
-        made["compare"] = {**compare, "units": {**counts, **compare.get("units", {})}}
+    start = {parameter: signal for parameter, signal in form.start.items() if signal in entries}
+    for key, own in (("units", counts), ("start", start)):
+        compare = made.get("compare", {})
+        if own:
+            made["compare"] = {**compare, key: {**own, **compare.get(key, {})}}
     if "held_out" in base:  # of what has a column now
         known = entries.keys() | ({"time"} if "column" in clock else set())
         made["held_out"] = {name: column for name, column in base["held_out"].items() if name in known}

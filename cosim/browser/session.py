@@ -428,7 +428,7 @@ class Session:
             self._revision, self._work = self._revision + 1, Work()
 
     def _take_model(self, dropped: Dropped) -> None:
-        with api.read_system(dropped.path):
+        with calling({dropped.path: dropped.name}), api.read_system(dropped.path):
             pass
         self._replace("_model", dropped)
 
@@ -497,7 +497,7 @@ class Session:
     def _form_of_model(self, found: Overview) -> Form:
         if self._model is None or not self._is_foreign(found):
             return crane_form(found)
-        with api.read_system(self._model.path) as system:
+        with calling({self._model.path: self._model.name}), api.read_system(self._model.path) as system:
             return connector_form(found, system)
 
     def _diagnose(self, given: dict[str, Any]) -> None:

@@ -113,7 +113,7 @@ def answer(found: Calibration, comparison: Comparison) -> list[str]:
         better = fit.held_after.rmse < fit.held_before.rmse
         lines.append(
             f"{'Better' if better else 'Worse'}: error of the {known_as(name)} on held-out data "
-            f"{'falls' if better else 'rises'} from {before} to {after} {unit}"
+            f"{'falls' if better else 'rises'} from {before} to {after} {unit_text(unit)}".rstrip()
         )
     return lines + ([f"Unchanged on held-out data: {', '.join(same)}"] if same else [])
 

@@ -18,6 +18,7 @@ TIME_WORDS = re.compile(
     r"\b(time|timestamps?|t|tout|zeit\w*|uhrzeit|temps|tiempo|tempo|tijd|tid|aika|czas|vremya|время|时间|時間|sec|seconds|sekunden)\b"
 )
 RATES = (5.0, 2e4)  # 1/s, of a machine's log: decides in which unit an unlabelled clock counts
+ROUNDED = 1e-4  # of a step: so far from a whole number rounding may leave one that was scaled
 SLOW = 300.0  # times as long as the longest of these intervals may be one of a clock that counts parts of seconds
 
 
@@ -47,7 +48,8 @@ def counted(stamps: Array) -> str:
     """The unit in which a clock without a unit counts: the one that gives as many samples a second as machines log."""
     step = float(np.median(np.diff(stamps)))
     # counters of ms and less hold whole numbers: a step of 0.65 is that of a slow log, not of 1500 samples a second
-    broken = step < 1.0 / RATES[0] * SLOW and bool(np.any(stamps % 1.0))
+    whole = np.abs(stamps - np.round(stamps)) < ROUNDED * step  # 1000 * 0.003 is not quite 3
+    broken = step < 1.0 / RATES[0] * SLOW and not bool(np.all(whole))
     for unit in ("s", "ms", "us", "ns"):
         rate = 1.0 / (step * conversion(unit, "s"))
         if RATES[0] <= rate <= RATES[1] or (broken and unit == "s" and step * RATES[0] > 1.0):

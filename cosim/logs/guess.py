@@ -45,6 +45,10 @@ _ANGLE = (
     r"|\bq \d+\b"  # a robot's joint; a flow has its unit beside
     r"|\bpan\b|\byaw\b|azimut|\bheading\b|\bencoder|drehgeber"
 )
+# axes of a machine that slews as well: their commands and angles are none of the slew drive
+_OTHER_AXES = (
+    r"\b(boom|arm|stick|dipper|bucket|bkt|blade|jib|tilt|ausleger|stiel|loffel|fleche|balancier|godet)\b"
+)
 _TURNS = {"deg": 360, "rad": 6.283185307, "turn": 1}  # unit of an angle -> how much of it is a turn
 _ENCODER = re.compile(r"\bencoder|drehgeber")
 NAMES: dict[str, str] = {
@@ -63,6 +67,7 @@ _POSITION = (
     r"position|\bpos\b|displac|stroke|travel|extension|cylind|zylind|\bhub\b|\bweg\b|\blage\b|\bcourse\b|carrera|corsa"
     r"|posicion|posicao|posizione|positie|\bslag\b|skok|asema"
 )
+_LENGTH = r"length|lange\b|distance|abstand|height|hohe\b|level"
 _SPEED = (
     r"speed|velocity|\bvelo?\b|geschw|drehzahl|\brpm\b|omega|vitesse|velocid|velocita|hastig|hastighet|snelheid|nopeus"
     r"|predkosc|\b(dq|qd|qdot)\b"
@@ -94,6 +99,22 @@ MOTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
 DRIVERS: dict[str, tuple[str, str]] = {
     "torque": (rf"^(?=.*({_TORQUE}))(?!.*({_COMMAND}|{_REFERENCE}|{_ESTIMATE}|{_FRICTION}))", "N.m"),
     "force": (rf"^(?=.*({_FORCE}))(?!.*({_COMMAND}|{_REFERENCE}|{_ESTIMATE}|{_FRICTION}))", "N"),
+}
+# kind of quantity -> what a name or description of one may say
+KINDS: dict[str, str] = {
+    "command": rf"{_COMMAND}|\bu\b|{_INPUT}|valve (opening|signal)|controller output|stellgrosse",
+    "reference": rf"{_REFERENCE}|setpoint|sollwert|consigne",
+    "estimate": _ESTIMATE,
+    "error": r"\berr(or)?\b|fehler|abweich|deviation",
+    "pressure": _PRESSURE,
+    "flow": _FLOW,
+    "torque": _TORQUE,
+    "force": _FORCE,
+    "speed": rf"{_SPEED}|\brate\b",
+    "angle": _ANGLE,
+    "place": rf"{_POSITION}|{_LENGTH}",
+    "current": r"current|\bstrom\b|\bi [abcq]\b",
+    "temperature": r"temper|\btemp\b",
 }
 AT_ONCE = ("speed", "flow")  # what follows a command itself; of others it is the rate of change
 ELECTRIC = ("V", "mV", "A", "mA")
@@ -329,11 +350,22 @@ def likely(found: Overview) -> tuple[dict[str, Guess], bool]:
         The guesses, and whether they are those for another machine.
     """
     crane = guesses(found)
-    if {"u", "slew"} <= crane.keys():
+    elsewhere = of_other_axis(crane)
+    if {"u", "slew"} <= crane.keys() and not elsewhere:
         return crane, False
     other = guesses(found, machine=True)
     driven, moves = {"u", *DRIVERS} & other.keys(), {"slew", *MOTIONS} & other.keys()
-    return (other, True) if driven and moves and len(other) >= len(crane) else (crane, False)
+    return (other, True) if driven and moves and (elsewhere or len(other) >= len(crane)) else (crane, False)
+
+
+def of_other_axis(made: dict[str, Guess]) -> str:
+    """The column guessed as the slew angle whose name says that it is of another axis, such as a boom; empty if none is."""
+    if "slew" not in made:
+        return ""
+    shown = made["slew"].column.label.shown
+    words = plain(made["slew"].column.label.short)
+    other = re.search(_OTHER_AXES, words) and not re.search(r"slew|swing|schwenk", words)
+    return shown if other else ""
 
 
 def paired(axes: list[Column], commands: list[Column], rate: bool) -> tuple[list[Column], Column | None]:
@@ -558,7 +590,7 @@ def _by_shape(free: list[Column], made: dict[str, Guess]) -> list[tuple[str, Col
             for c in moving
             if c.unit is not None and _convertible(c.unit, unit) and not (signal == "slew" and _asked(c))
         ]
-        if signal not in made and len(alone) == 1:
+        if signal not in made and len(alone) == 1 and not _asked(alone[0]):
             told.append(
                 (signal, alone[0], f"it is the only column that is {what} and is not named otherwise")
             )
@@ -917,7 +949,8 @@ def time_lines(found: Overview, stamps: int | None) -> list[str]:
     clock = found.clock
     if clock is None and found.interval is not None:
         name, step = found.interval
-        return ["[time]", f"step = {step:.9g}    # {name} in the file", 'unit = "s"']
+        doubt = "" if found.coarse is None else ": CHECK"
+        return ["[time]", f"step = {step:.9g}    # {name} in the file{doubt}", 'unit = "s"']
     if clock is None:
         return [
             "[time]",

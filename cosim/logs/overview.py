@@ -54,6 +54,7 @@ OF_LETTERS = {
     "us": r"time|stamp|zeit|pulse|pwm",
 }  # fmt: skip
 _EXACT = {"Pa": "Pa", "mm": "mm", "Nm": "N.m"}  # case matters where a small letter is another unit
+STAMPS = 20  # samples from which repeated stamps tell an interval
 CLOCKWORK = 0.95  # share of a clock's intervals that are near the usual one
 BARS = "▁▂▃▄▅▆▇█"
 
@@ -177,6 +178,7 @@ class Overview:
         warnings: what the reader had to do to the file.
         header: the columns have headings; without, they are called by their place from 1.
         interval: name of a number stored beside the columns that says how often was sampled, and the interval [s]; or None.
+        coarse: index of a time column whose stamps are coarser than its samples; None without one, or with a clock.
     """
 
     path: Path
@@ -185,13 +187,14 @@ class Overview:
     warnings: tuple[str, ...]
     header: bool = True
     interval: tuple[str, float] | None = None
+    coarse: int | None = None
 
     @cached_property
     def times(self) -> frozenset[int]:
         """Index of every column that tells time and nothing else."""
         clock = self.clock
         if clock is None:
-            return frozenset()
+            return frozenset() if self.coarse is None else frozenset({self.coarse})
         if clock.column is not None:
             return frozenset({clock.column})
         return frozenset(
@@ -229,7 +232,30 @@ def overview(path: Path, mapping: Mapping | None = None, source: Source | None =
     if any(_tells_time(c) and newest_first(c.finite) for c in columns):  # the loader reads it backwards too
         columns = tuple(replace(c, values=c.values[::-1]) for c in columns)
     clock, interval = _clock(source, columns), _interval(source.constants)
-    return Overview(path, columns, clock, tuple(source.warnings), header, interval)
+    coarse = None if clock is not None else next((c for c in columns if _repeats_stamps(c)), None)
+    if coarse is not None and interval is None:
+        interval = f"mean interval of '{coarse.label.shown}', whose stamps repeat,", _mean_interval(coarse)
+    place = None if coarse is None else coarse.index
+    return Overview(path, columns, clock, tuple(dict.fromkeys(source.warnings)), header, interval, place)
+
+
+def _repeats_stamps(column: Column) -> bool:
+    """Whether a column tells time, but in fewer digits than its samples need: it never falls, and repeats itself evenly."""
+    if not _tells_time(column) or column.missing or column.finite.size < STAMPS:
+        return False
+    steps = np.diff(column.finite)
+    rises = np.diff(np.flatnonzero(steps > 0.0))
+    return (
+        bool(np.all(steps >= 0.0)) and rises.size > 2 and float(rises.max()) < 3.0 * float(np.median(rises))
+    )
+
+
+def _mean_interval(column: Column) -> float:
+    """Interval between the samples of a time column, s."""
+    mean = float(column.finite[-1] - column.finite[0]) / (column.finite.size - 1)
+    unit = column.unit or ""
+    unit = unit if unit and is_time(unit) else counted(np.arange(column.finite.size, dtype=np.float64) * mean)
+    return float(f"{mean * conversion(unit, 's'):.4g}")
 
 
 def _interval(constants: dict[str, float]) -> tuple[str, float] | None:

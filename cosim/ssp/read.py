@@ -16,6 +16,7 @@ from pathlib import Path
 from lxml import etree
 
 from cosim.errors import ModelError, UsageError
+from cosim.paths import called
 from cosim.ssp.archive import Budget, open_archive, read_entry, scratch_folder
 from cosim.ssp.connect import connect
 from cosim.ssp.effects import with_all_units
@@ -82,8 +83,10 @@ def read_fmu(path: Path) -> System:
         stack.callback(folder.cleanup)
         with open_archive(path, str(path)) as archive:
             target = Path(folder.name, "c0")
-            fmu = load_fmu(archive, path.name, target, ours=is_ours(path))
-        name = path.stem.replace(".", "_")  # the first dot of a signal's name ends the component's
+            fmu = load_fmu(archive, Path(called(path)).name, target, ours=is_ours(path))
+        name = Path(called(path)).stem.replace(
+            ".", "_"
+        )  # the first dot of a signal's name ends the component's
         wires = {
             v.name: Wire(Port("", v.name), Port(name, v.name))
             for v in fmu.variables.values()

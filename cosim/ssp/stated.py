@@ -142,6 +142,11 @@ def unit_in_words(variable: Variable) -> str:
     return match.group(1).strip()
 
 
+def without_unit(description: str) -> str:
+    """A description without what it has in brackets at its end."""
+    return _IN_BRACKETS.sub("", description)
+
+
 def in_si(unit: str) -> bool:
     """Whether numbers of this unit are SI numbers; what is no plain unit is not."""
     try:

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from benchmarks.systems import parts
+from cosim.anysystem.model import Segment
+from cosim.compare.metrics import noise_floor
 
 H, N = 0.01, 3000
 NOISE = 0.004
@@ -78,3 +80,17 @@ def test_a_comparison_leaves_them_out_too(command, fmu: Path, tmp_path: Path, wa
     code, told, err = command("compare", path, "--model", fmu, "--json")
     assert code == 0, err
     assert json.loads(told)["signals"]["part_lag.y"]["rmse"] == pytest.approx(NOISE, rel=0.35)
+
+
+def test_the_noise_of_a_reading_is_that_of_what_was_read_as_a_comparison_tells_it() -> None:
+    """Straight lines between uneven stamps took off a third of it, and a diagnosis told another noise than a comparison."""
+    rng = np.random.default_rng(1)
+    stamps = np.arange(N) + rng.uniform(0.0, 0.6, N)
+    read = np.sin(0.01 * stamps) + NOISE * rng.standard_normal(N)
+    grid = np.interp(np.arange(N, dtype=np.float64), stamps, read)
+    segment = Segment(
+        0.0, H, {"y": grid}, np.ones(N, bool), np.zeros(N, np.int64), recorded={"y": read}, stamps=stamps
+    )
+    assert segment.noise("y") == pytest.approx(noise_floor(read, H), rel=0.02)
+    assert segment.noise("y") == pytest.approx(NOISE, rel=0.15)
+    assert noise_floor(grid, H) < 0.85 * NOISE

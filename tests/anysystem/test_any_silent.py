@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.systems import parts
 from cosim.anysystem.pipeline import far_off
-from cosim.anysystem.search import Search
+from cosim.anysystem.search import MOST_COARSE, Search
 from cosim.errors import SimulationError
 from cosim.inference.problem import Problem
 from cosim.inference.unknowns import Unknown
@@ -76,7 +76,7 @@ def test_how_far_a_model_is_off_is_told_of_its_own_run() -> None:
 
 def test_the_error_of_a_solver_is_none_of_a_reading_that_is_far_smaller() -> None:
     """Of a model in millimetres beside a reading in metres its error would make everything noise."""
-    wave = np.sin(0.1 * np.arange(500))
+    wave, finer = np.sin(0.1 * np.arange(500)), 1.01
 
     class Model:
         """Whose run at finer steps differs by a hundredth."""
@@ -91,7 +91,7 @@ def test_the_error_of_a_solver_is_none_of_a_reading_that_is_far_smaller() -> Non
             self.own = {"a.y": size * wave}
 
         def __call__(self, values: dict[str, float]) -> dict[str, np.ndarray]:
-            return {"a.y": 1.01 * self.own["a.y"]}
+            return {"a.y": finer * self.own["a.y"]}
 
         def whole(self, series: dict[str, np.ndarray], signal: str) -> np.ndarray:
             return series[signal]
@@ -105,6 +105,9 @@ def test_the_error_of_a_solver_is_none_of_a_reading_that_is_far_smaller() -> Non
     assert coarse(1.0) == pytest.approx(0.02 * np.std(wave))
     assert coarse(1000.0) == pytest.approx(0.02 * np.std(wave))
     assert coarse(0.1) == pytest.approx(0.002 * np.std(wave))
+    # a model that is another one with half the step: all its errors passed for its solver's, and it was adequate
+    finer = -1.0
+    assert coarse(1.0) == pytest.approx(MOST_COARSE * np.std(wave))
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ import json
 import tomllib
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,9 @@ import systems
 
 from benchmarks.systems import parts
 from benchmarks.systems.truth import Hidden
-from cosim.anysystem.start import ALIKE, likeness, matches, only_by_unit
+from cosim.anysystem.initial import fit as initial_fit
+from cosim.anysystem.meant import behind, clearly
+from cosim.anysystem.start import ALIKE, akin, by_meaning, likeness, matches, only_by_unit, words
 from cosim.compare.binding import gain_between
 from cosim.errors import UsageError
 from cosim.logs.source import Label
@@ -186,16 +189,79 @@ def test_info_shows_the_connectors_of_a_package_and_what_they_are_joined_with(na
     assert "kind: ssp" in command("info", native, "--verbose")[1]
 
 
+CRANE = {  # connector -> variable, description, component
+    "valve_cmd": ("valve_cmd", "duty of the boom valve, up positive [%]", "Boom"),
+    "Boom.p_A": ("p_A", "boom cylinder pressure, head side [bar]", "Boom"),
+    "Boom.p_B": ("p_B", "boom cylinder pressure, rod side [bar]", "Boom"),
+    "Boom.x": ("x", "cylinder displacement of the boom [cm]", "Boom"),
+    "Boom.w": ("w", "slew rate of the upper carriage [rad/s]", "Boom"),
+}
+
+
+@pytest.mark.parametrize(
+    ("columns", "expected"),
+    [
+        (("Boom_UpH_Cyl_P", "Boom_DnR_Cyl_P", "Arm_InH_Cyl_P"), {0: "Boom.p_A", 1: "Boom.p_B"}),
+        (("Boom_up_duty", "Boom_dn_duty", "Arm_in_duty"), {0: "valve_cmd"}),
+        (
+            ("Boom Cmd", "Stick Cmd", "Boom Ms", "Stick Ms"),
+            {0: "valve_cmd"},
+        ),  # pressure or displacement: not told
+        (("Boom stroke", "Boom stroke setpoint"), {0: "Boom.x"}),
+        (("Boom pressure 1", "Boom pressure 2"), {}),  # whatever side they are of
+        (("swing speed", "swing angle"), {0: "Boom.w"}),
+        (
+            ("Zylinderdruck Boom Kolbenseite", "Zylinderdruck Boom Stangenseite"),
+            {0: "Boom.p_A", 1: "Boom.p_B"},
+        ),
+    ],
+)
+def test_a_description_tells_which_column_it_means_where_it_means_one(
+    columns: tuple[str, ...], expected: dict[int, str]
+) -> None:
+    labels = [Label(name, name, None) for name in columns]
+    assert clearly(by_meaning(labels, (), {}, CRANE, dict.fromkeys(CRANE, ""))) == expected
+
+
+def test_a_demanded_place_is_no_measured_one() -> None:
+    assert behind("pos_ref", "axis.pos position") == "reference"
+    assert behind("pos_ref", "axis.pos_set demanded position") == ""
+    assert behind("pos_meas", "axis.pos position") == ""
+
+
+@pytest.mark.parametrize(
+    ("name", "said", "least", "most"),
+    [
+        ("x_0", "", 1.2, 1.2),
+        ("x_start", "", 1.2, 1.2),
+        ("offset_0", "start of the boom cylinder's displacement [cm]", 0.6, 1.0),
+        ("x_0", "time at which it begins [s]", 0.0, 0.0),
+        ("p_0", "initial pressure of the accumulator", 0.0, 0.59),
+        ("stiffness", "of the boom cylinder", 0.0, 0.0),
+    ],
+)
+def test_an_initial_value_is_told_by_its_name_or_its_description(
+    name: str, said: str, least: float, most: float
+) -> None:
+    parameter = SimpleNamespace(name=name, description=said, unit="")
+    output = SimpleNamespace(name="x", description="boom cylinder displacement [cm]", unit="")
+    assert least <= initial_fit(parameter, output, words, akin) <= most
+
+
 BOOM = """
-from pythonfmu import Fmi2Causality, Fmi2Slave, Real
+from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
 
 
 class Boom(Fmi2Slave):
     def __init__(self, **kwargs):
         super().__init__(**kwargs)
-        self.boom_duty, self.boom_ang = 0.0, 0.0
+        self.boom_duty, self.boom_ang, self.boom_ang_0 = 0.0, 0.0, 0.0
         self.register_variable(Real("boom_duty", causality=Fmi2Causality.input, description="command [%]"))
         self.register_variable(Real("boom_ang", causality=Fmi2Causality.output, description="angle [deg]"))
+        self.register_variable(Real("boom_ang_0", causality=Fmi2Causality.parameter, variability=Fmi2Variability.tunable))
+
+    def exit_initialization_mode(self):
+        self.boom_ang = self.boom_ang_0
 
     def do_step(self, t, step):
         self.boom_ang += 0.2 * step * self.boom_duty
@@ -206,11 +272,14 @@ class Boom(Fmi2Slave):
 def test_a_command_of_two_columns_is_their_difference_and_descriptions_tell_units(
     command, tmp_path: Path
 ) -> None:
-    """The column of one direction was taken alone: of a log of the other the model heard nothing."""
+    """The column of one direction was taken alone: of a log of the other the model heard nothing.
+
+    The log begins at 12 deg: the mapping lets the model begin there.
+    """
     parts.by_pythonfmu("Boom", BOOM, tmp_path)
     t = 0.02 * np.arange(500)
     down = 50.0 * ((t > 1.0) & (t < 4.0))
-    angle = -0.2 * 0.02 * np.concatenate([[0.0], np.cumsum(down)[:-1]])
+    angle = 12.0 - 0.2 * 0.02 * np.concatenate([[0.0], np.cumsum(down)[:-1]])
     log, mapping = tmp_path / "log.csv", tmp_path / "m.toml"
     table = np.column_stack([t, 0.0 * t, down, angle])
     np.savetxt(
@@ -223,6 +292,8 @@ def test_a_command_of_two_columns_is_their_difference_and_descriptions_tell_unit
     assert found["signals"]["boom_duty"]["minus"] == "Boom_dn_duty"
     assert found["signals"]["boom_duty"]["held"]
     assert found["compare"]["units"] == {"boom_duty": "%", "Boom.boom_ang": "deg"}
+    assert found["compare"]["start"] == {"Boom.boom_ang_0": "Boom.boom_ang"}
+    assert "Boom.boom_ang begins at 12: the model begins there by Boom.boom_ang_0" in " ".join(out.split())
     code, out, err = command("compare", log, "--mapping", mapping, "--json")
     assert code == 0, err
     shown = json.loads(out)["signals"]["Boom.boom_ang"]

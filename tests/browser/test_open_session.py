@@ -583,3 +583,48 @@ def test_an_input_that_moves_in_steps_stays_until_the_next_sample(session, drive
     assert (signals["command"]["held"], "held" in signals["valve.y"]) == (chosen, False)
     rows = {row["signal"]: row["held"] for row in session.state()["form"]["rows"]}
     assert rows["command"] is chosen, "a page that is opened again shows it"
+
+
+BOOM = """
+from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
+
+
+class Boom(Fmi2Slave):
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.cmd, self.ang, self.ang_0 = 0.0, 0.0, 0.0
+        self.register_variable(Real("cmd", causality=Fmi2Causality.input, description="duty of the boom valve [%]"))
+        self.register_variable(Real("ang", causality=Fmi2Causality.output, description="boom angle [deg]"))
+        self.register_variable(Real("ang_0", causality=Fmi2Causality.parameter, variability=Fmi2Variability.tunable))
+
+    def do_step(self, t, step):
+        return True
+"""
+
+
+def test_a_model_that_states_nothing_is_taken_at_its_descriptions_and_begins_where_the_log_does(
+    session, tmp_path
+):
+    """Its component was called like the copy, its inputs counted in 1 for %, and it began at 0."""
+    parts.by_pythonfmu("Boom", BOOM, tmp_path)
+    t = 0.02 * np.arange(200)
+    down = 50.0 * ((t > 1.0) & (t < 3.0))
+    log = tmp_path / "log.csv"
+    table = np.column_stack([t, 0.0 * t, down, 12.0 - 0.004 * np.cumsum(down)])
+    np.savetxt(
+        log, table, "%.6g", delimiter=",", header="time,Boom_up_duty,Boom_dn_duty,Boom_ang", comments=""
+    )
+    drop(session, tmp_path / "Boom.fmu")
+    drop(session, log)
+    form = session.state()["form"]
+    given = {"time": form["time"], "rows": {row["signal"]: row for row in form["rows"]}}
+    made = tomllib.loads(mapping_made(session, given))
+    assert made["signals"]["cmd"] == {
+        "column": "Boom_up_duty", "unit": "%", "held": True, "minus": "Boom_dn_duty",
+    }  # fmt: skip
+    assert made["signals"]["Boom.ang"] == {"column": "Boom_ang", "unit": "deg"}
+    assert made["compare"] == {
+        "units": {"cmd": "%", "Boom.ang": "deg"},
+        "start": {"Boom.ang_0": "Boom.ang"},
+    }
+    assert "begins at 12: the model begins there by Boom.ang_0" in [row["text"] for row in form["rows"]]

@@ -10,8 +10,8 @@ from scipy.io import savemat
 
 from cosim.errors import ColumnsError
 from cosim.logs import load_log, load_mapping
-from cosim.logs.clocks import plain
-from cosim.logs.guess import NAMES, guesses, mapping_text
+from cosim.logs.clocks import counted, plain
+from cosim.logs.guess import NAMES, guesses, likely, mapping_text, of_other_axis
 from cosim.logs.overview import overview, spelled
 from cosim.machines import made_for
 from cosim.rig import make_log
@@ -526,6 +526,31 @@ def test_the_command_of_the_axis_whose_angle_is_there(write):
     assert made["u"].column.label.name == "Boom duty", "one that moves is the likelier one"
 
 
+def test_milliseconds_that_were_scaled_from_seconds_are_milliseconds():
+    """1000 * 0.003 is not quite 3: one log of 25 s lasted seven hours."""
+    assert counted(1000.0 * (0.001 * np.arange(5000))) == "ms"
+    assert counted(0.656 * np.arange(5000)) == "s"
+
+
+def test_stamps_of_too_few_digits_tell_the_interval_and_are_no_command(write):
+    """A clock of six digits after 1000 s repeats itself: it was guessed to be the command."""
+    t = np.round(1000.0 + 0.001 * np.arange(2000), 2)
+    columns = overview(write("t,cmd,pos\n" + rows(np.column_stack([t, np.sin(t), np.cos(t)]))))
+    assert columns.interval is not None
+    assert columns.interval[1] == pytest.approx(0.001, rel=0.01)
+    assert columns.times == {0}
+    assert "u" not in guesses(columns) or guesses(columns)["u"].column.label.name == "cmd"
+
+
+def test_a_reference_is_no_spool(write):
+    t = 0.01 * np.arange(400)
+    table = np.column_stack([t, np.sin(t), np.sin(t)])
+    columns = overview(write("time [s],Pos ref [m],Position [m]\n" + rows(table)))
+    assert {n: g.column.label.name for n, g in guesses(columns, machine=True).items()} == {
+        "travel": "Position"
+    }
+
+
 @pytest.mark.parametrize("down", [True, False])
 def test_a_command_with_a_column_for_each_direction(down, write, tmp_path):
     time = np.arange(200) / 20
@@ -537,6 +562,9 @@ def test_a_command_with_a_column_for_each_direction(down, write, tmp_path):
     made = guesses(overview(path))
     assert {n: g.column.label.name for n, g in made.items()} == {"u": "Boom_up_duty", "slew": "Boom_ang"}
     assert made["u"].minus.label.name == "Boom_dn_duty"
+    # a boom is no slew drive: the page of `cosim open` diagnosed it with the crane's model
+    assert of_other_axis(made) == "Boom_ang"
+    assert likely(overview(path))[1]
     assert made["u"].unit == "%"
     mapping = tmp_path / "m.toml"
     mapping.write_text(mapping_text(overview(path), made, None))
