@@ -753,7 +753,8 @@ def taken_as_exact(
     """The search with parameters that the mapping takes as exact, where something stays wrong without them.
 
     One of them may do what several causes were named for, as a dead zone that the machine has not: then it is one as well.
-    One that does as much as a cause and is none by itself is declared indistinguishable from it.
+    One that does as much as a cause and is none by itself is declared indistinguishable from it. Where nothing was named it
+    must explain the log: of something that the library lacks another number often tells a part.
     """
     known = {*trust.trusted, *trust.free, *options.start}
     values = {
@@ -780,7 +781,7 @@ def taken_as_exact(
         return search, finding
     theirs = other.run(begin)
     ours = [n for n in names if any(a.effect == PARAMETER and str(a.port) == n for a in theirs.named)]
-    if not ours or worth(theirs) < worth(finding):
+    if not ours or worth(theirs) < worth(finding) or (theirs.unexplained and not chosen.actions):
         number = begin.actions[-1]
         for action in set(chosen.actions) - set(begin.actions):
             finding.alike[action] = [number, *finding.alike.get(action, ())]

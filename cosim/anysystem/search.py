@@ -80,7 +80,7 @@ LOOKED = 0.5  # of the time that is left: candidates are looked at before the be
 DRIFTS = 1.25  # times the error of a run (RMS): least squares leave hardly less than the likelihood where noise is noise
 ALONG = 0.9  # of the square of a slope that lies along another's: what may do the same is fitted in its place
 KEPT = 3  # of them from which a second cause is looked for,
-BEHIND = 9.0  # where they leave no more than so many times the squares that the best leaves
+FAR_BEHIND = 9.0  # where they leave no more than so many times the squares that the best leaves
 ASKED = 3  # parameters that are taken as exact, where nothing else explains a log
 SETTLING = 6  # evaluations in which what is no cause is settled beside the causes
 AGREES = 1e-3  # of a log-likelihood: two fits that differ by less ended in one place
@@ -928,7 +928,7 @@ class Search:
                 found: list[Candidate] = []
                 least = pool[0].fit.log_likelihood
                 for base in pool[:KEPT]:
-                    if base.fit.log_likelihood >= BEHIND * least:
+                    if base.fit.log_likelihood >= FAR_BEHIND * least:
                         found += self._stage(base)
                 found = self._unique(found)
                 self.tried += found
@@ -945,16 +945,12 @@ class Search:
                 richer = found[0]
                 poorer = self._scored(best)
                 likelier = richer.score >= poorer.score + NAMED
-                if not self.steady and (
-                    count > 1 and not self._nearer(poorer, richer)
-                    if likelier
-                    else self._drifts(richer, poorer)
-                ):
-                    self.steady = (
-                        True  # what is likelier by the noise that was learned is not nearer: it is none
-                    )
+                if not likelier and self._drifts(richer, poorer):
+                    self.steady = True
                     found = self._refitted(found, [best, *singles])
-                    richer, poorer = found[0], self._scored(best)
+                elif likelier and count > 1 and not self.steady and not self._nearer(poorer, richer):
+                    found = self._by_the_run(found, best, singles)
+                richer, poorer = found[0], self._scored(best)
                 if richer.score < poorer.score + NAMED or (count > 1 and not self._nearer(poorer, richer)):
                     break
                 best, pool = richer, found
@@ -1090,6 +1086,26 @@ class Search:
         return [
             float(np.sqrt(np.mean(self.model.whole(residual, s) ** 2))) for s, _ in self.model.group.judged
         ]
+
+    def _by_the_run(
+        self, found: list[Candidate], best: Candidate, singles: Sequence[Candidate]
+    ) -> list[Candidate]:
+        """Sets with one cause more by the least error of the run, where that brings one nearer; else as they were.
+
+        What the model lacks besides is slow, as noise may be: by noise that was learned of it a set may be far likelier and
+        come no nearer.
+        """
+        others = [best, *singles]
+        self.steady = True
+        again = self._refitted(found, others)
+        self._scored(best)
+        if self._nearer(best, again[0]):
+            return again
+        self.steady = False
+        self._settle(found[0])
+        for other in (*others, *found):
+            self._scored(other)
+        return found
 
     def _nearer(self, poorer: Candidate, richer: Candidate) -> bool:
         """Whether a set with one cause more comes so much nearer to a signal that a further one is worth looking for."""
@@ -1733,13 +1749,14 @@ class Search:
         """The causes, and for each what explains the log without it and what it gains over that on held-out data.
 
         Where another log is held out what stays wrong may be held for slow noise, which hears nothing of how far a whole
-        run is off. So a cause that is not sure by it is asked again with what stays wrong as no noise.
+        run is off. So a cause that is not sure by it is asked again with what stays wrong as no noise, and one that is not
+        sure by the run, which few windows decide where it drifts, with what stays wrong as noise.
         """
         judged = self._judged(best, null)
         sure = all(gain.sure for _, gain in judged.values())
-        if sure or self.steady or not self._other_log() or self.budget.over:
+        if sure or not self._other_log() or self.budget.over:
             return best, judged
-        self.steady = True
+        self.steady = not self.steady
         self._settle(best)
         fit = self._fit(best.actions, best.fit.values, 10)
         again = self._scored(Candidate(best.actions, fit or best.fit, best.price))
@@ -1747,7 +1764,7 @@ class Search:
         if any(gain.sure and not judged[a][1].sure for a, (_, gain) in anew.items() if a in judged):
             surest = {a: max(own, judged.get(a, own), key=lambda j: j[1].ci95[0]) for a, own in anew.items()}
             return again, {a: (self._scored(poorer), gain) for a, (poorer, gain) in surest.items()}
-        self.steady = False
+        self.steady = not self.steady
         self._settle(best)  # the rows of all with the nuisances that are now
         return best, {a: (self._scored(poorer), gain) for a, (poorer, gain) in judged.items()}
 
