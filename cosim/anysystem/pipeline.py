@@ -764,7 +764,9 @@ def taken_as_exact(
         if settable(v) and f"{c}.{v.name}" not in known
     }
     exact = {n: v for n, v in values.items() if v is not None}
-    if not exact or not finding.unexplained or found.budget.over:
+    runs = search.model.runs
+    most = allowed(runs) - runs.count  # each is run at least once
+    if not 0 < len(exact) <= most or not finding.unexplained or found.budget.over:
         return search, finding
     own = {n: (v, trust.tolerance) for n, v in exact.items()}
     model, chosen = like(found, search.model), finding.chosen

@@ -49,7 +49,7 @@ SOLVERS = 1.25  # times the error of the model's solvers: what is smaller may be
 TOLD = 0.05  # share of a residual's variance that inputs must tell before it counts as systematic
 UNTOLD = 0.025  # of a signal's spread, and
 MOST_COARSE = (
-    0.1  # of a reading's spread: what half the step changes more is no solver's error but a wrong model
+    0.1  # of a reading's spread: what half the step changes more is another model, no solver's error
 )
 LOUD = 3.0  # times its white noise: a residual beyond both is no noise even if no input tells it
 ABOVE = 1.2  # times a reading's white noise: a fit that leaves more of it may not be the best of its kind
@@ -97,9 +97,7 @@ SURE = 3.0  # deviations of a trusted parameter: beyond them it is a cause
 ALMOST = 0.99  # of that
 JITTER = 0.7  # samples, prior of the moment at which an input acts or an output is read
 FAINT = 20.0  # times that, under the white noise alone: what a moderate size does is no more, and is looked at again
-FOLLOWED = (
-    1e-3  # of the square of what a start changes: if the base's numbers leave less, the two do the same
-)
+FOLLOWED = 1e-3  # of the square of what a start changes: where the base's numbers leave less it is theirs
 SMALLEST = 0.02  # of a start: less of it is hardly more than nothing
 
 
@@ -878,7 +876,7 @@ class Search:
     def instead(
         self, names: Sequence[str], actions: Sequence[Action], values: Mapping[str, float]
     ) -> Candidate | None:
-        """The best explanation with one of some parameters in the place of a cause, or of all; None where it does less.
+        """The best explanation with one of some parameters in the place of a cause or of all, if it is nearly as good.
 
         Args:
             names: the parameters.
