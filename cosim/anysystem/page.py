@@ -19,7 +19,7 @@ from cosim.report.plain import advice, plain
 from cosim.report.screen import better, in_words, place, wrong
 
 TEXTS = {
-    "parameter": "A trusted parameter has another value.",
+    "parameter": "A parameter of the model has another value.",
     "port.gain": "The signal is multiplied by a factor.",
     "port.offset": "Something constant is added to the signal.",
     "port.delay": "The signal comes late.",

@@ -790,10 +790,12 @@ def taken_as_exact(
             finding.rivals[action] = [(number, 0.0), *finding.rivals.get(action, ())]
         return search, finding
     trust.trusted |= {n: own[n] for n in ours}
-    found.notes.append(
+    said = (
         f"{' and '.join(ours)}: taken as exact, and asked as well since nothing else explains the log as well; "
         "[diagnose] trusted in the mapping says what you know of it"
     )
+    found.notes.append(said)
+    found.advice.append(said)
     return other, theirs
 
 
