@@ -48,9 +48,7 @@ SIZE = 2e-3  # of a signal's spread: what is smaller does not matter to anybody
 SOLVERS = 1.25  # times the error of the model's solvers: what is smaller may be theirs
 TOLD = 0.05  # share of a residual's variance that inputs must tell before it counts as systematic
 UNTOLD = 0.025  # of a signal's spread, and
-MOST_COARSE = (
-    0.1  # of a reading's spread: what half the step changes more is another model, no solver's error
-)
+MOST_COARSE = 0.1  # of a reading's spread: what changes more with half the step is another model
 LOUD = 3.0  # times its white noise: a residual beyond both is no noise even if no input tells it
 ABOVE = 1.2  # times a reading's white noise: a fit that leaves more of it may not be the best of its kind
 BETTER = 0.15  # a set of causes is named if it leaves no more than this part of what was systematic,
@@ -1593,8 +1591,11 @@ class Search:
         best, judged = self._held_out(best, null)
         between = self._between(best)
         agreed = self._as_well_as_programs_agree(best).fit
-        residual = problem.residuals(best.fit.values)
-        wrong = self._wrong(self._told(residual, best), residual) if len(judged) > 1 else {}
+        # beside others, too, of something that the library lacks a drift or an offset often is a part
+        wrong = dict[str, str]()
+        if len(judged) > 1 and not self._other_log():  # what another log bears out is no part of that
+            residual = problem.residuals(best.fit.values)
+            wrong = self._wrong(self._told(residual, best), residual)
         for action, (poorer, gain) in judged.items():
             rows = self._rms(poorer.fit), self._rms(best.fit)
             # without it trusted numbers may have to be where nobody believes them
@@ -1623,7 +1624,10 @@ class Search:
                 finding.refused.append(
                     (action, "may be none within what two programs with one model differ by")
                 )
-            elif action.effect != PARAMETER and (part := self._leaves(best, poorer, wrong)) > LEAVES:
+            elif (
+                action.effect != PARAMETER
+                and (part := self._left(best.fit, wrong, True, poorer.fit)) > LEAVES
+            ):
                 finding.refused.append(
                     (action, f"leaves {100 * part:.0f} % of what is systematic without it")
                 )
@@ -1792,14 +1796,6 @@ class Search:
             before, after = (float(np.mean(self._part(r, signal, held) ** 2)) for r in (null, residual))
             found = max(found, float(np.sqrt(max(after - floor, 0.0) / max(before - floor, 1e-300))))
         return found
-
-    def _leaves(self, best: Candidate, poorer: Candidate, wrong: Collection[str]) -> float:
-        """Part of what is systematic without a cause that all causes leave in windows held out; 0 where nothing stays wrong.
-
-        Beside others, too, of something that the library lacks a drift or an offset often is a part. What another log bears
-        out is none.
-        """
-        return 0.0 if self._other_log() else self._left(best.fit, wrong, held=True, without=poorer.fit)
 
     def _part(self, series: Mapping[str, Array], signal: str, held: bool) -> Array:
         """A signal's series of all logs behind one another; all of them, or what is held out."""

@@ -20,6 +20,8 @@ from cosim.ssp.stated import in_si, unit_in_words
 from cosim.ssp.system import Port, System, Variable
 from cosim.system.graph import connectors, port_of
 
+# connector -> name of its variable, what is said of it, name of its component
+Told = Mapping[str, tuple[str, str, str]]
 ALIKE = 0.72  # of two names, from 0 to 1
 SHORTEST = 3  # letters of a word that may be short for another
 BY_NAME = 0.95  # from which on a column has a connector's very name
@@ -195,7 +197,7 @@ def by_meaning(
     labels: Sequence[Label],
     times: Collection[int],
     taken: Mapping[int, str],
-    told: Mapping[str, tuple[str, str, str]],
+    told: Told,
     units: Mapping[str, str],
 ) -> dict[tuple[int, str], float]:
     """(Column, connector) of those left over -> how well the description fits the column, where the units may fit."""
@@ -298,7 +300,7 @@ def only_by_unit(
     times: Collection[int],
     taken: Mapping[int, str],
     units: Mapping[str, str],
-    told: Mapping[str, tuple[str, str, str]] | None = None,
+    told: Told | None = None,
 ) -> dict[int, str]:
     """Columns left over of which the unit fits one connector that is left over, and this no other column."""
     left = [p for p in units if p not in taken.values() and dimensional(units[p])]
@@ -311,8 +313,7 @@ def only_by_unit(
         k: [
             p
             for p in left
-            if same_dimension(labels[k].unit or "", units[p])
-            and not conflicts(labels[k].short, " ".join((told or {}).get(p, (p,))[:2]))
+            if same_dimension(labels[k].unit or "", units[p]) and not _contradicts(labels[k], p, told)
         ]
         for k in rest
     }
@@ -323,12 +324,17 @@ def only_by_unit(
     }
 
 
+def _contradicts(label: Label, connector: str, told: Told | None) -> bool:
+    """Whether a column is another kind of quantity than a connector, by what its name and its description tell."""
+    return conflicts(label.short, " ".join((told or {}).get(connector, (connector,))[:2]))
+
+
 def left_over(
     labels: Sequence[Label],
     times: Collection[int],
     taken: Mapping[int, str],
     units: Mapping[str, str],
-    told: Mapping[str, tuple[str, str, str]] | None = None,
+    told: Told,
 ) -> dict[int, str]:
     """The one column and the one connector that are left over where others were found, if their units may fit."""
     rest = [k for k in range(len(labels)) if k not in times and k not in taken]
@@ -336,7 +342,7 @@ def left_over(
     if not taken or len(rest) != 1 or len(left) != 1:
         return {}
     own, wanted = labels[rest[0]].unit, units[left[0]]
-    if conflicts(labels[rest[0]].short, " ".join((told or {}).get(left[0], (left[0],))[:2])):
+    if _contradicts(labels[rest[0]], left[0], told):
         return {}
     return {rest[0]: left[0]} if not (own and wanted) or same_dimension(own, wanted) else {}
 

@@ -73,12 +73,6 @@ class _Learnt:
             slopes: (n, u).
         """
         self.of, self.at, self.here, self.slopes = of, at, of(at), slopes
-        self.least = self.first = float(self.here @ self.here)
-
-    @property
-    def gained(self) -> float:
-        """Share of the squares at its begin that a search has taken."""
-        return 1.0 - self.least / max(self.first, 1e-300)
 
     def __call__(self, x: Array) -> Array:
         here, step = self.of(x), x - self.at
@@ -86,7 +80,6 @@ class _Learnt:
             beyond = here - self.here - self.slopes @ step
             self.slopes = self.slopes + np.outer(beyond, step / size)
         self.at, self.here = x.copy(), here
-        self.least = min(self.least, float(here @ here))
         return self.slopes
 
 
@@ -418,7 +411,7 @@ class Problem:
 
         usual = max(float(np.median(np.abs(first[self.mask]))), 1.0)
 
-        def searched(at: Array, steep: Callable[[Array], Array], most: int, ends: float) -> Array:
+        def searched(at: Array, steep: Callable[[Array], Array], ends: float) -> Array:
             found = least_squares(
                 cost,
                 at,
@@ -427,7 +420,7 @@ class Problem:
                 method="trf",
                 loss="cauchy" if robust else "linear",
                 f_scale=usual if robust else 1.0,
-                max_nfev=most,
+                max_nfev=evaluations,
                 xtol=1e-4,
                 ftol=ends,
             )
@@ -436,16 +429,17 @@ class Problem:
         with self.fitted_alone():
             try:
                 if roughly is None:
-                    at = searched(begin, slopes, evaluations, 1e-7)
+                    at = searched(begin, slopes, 1e-7)
                     steep = slopes(at)
                 else:
                     held = [k for k, u in enumerate(unknowns) if np.isfinite(u.prior)]
                     sure = np.array([u.scale / u.prior if np.isfinite(u.prior) else 0.0 for u in unknowns])
                     learnt = _Learnt(cost, begin, np.concatenate([roughly[self.mask], np.diag(sure)[held]]))
-                    at = searched(begin, learnt, evaluations, ROUGHLY)
-                    if learnt.gained < ROUGHLY:  # the slopes led nowhere
+                    before = best[1]
+                    at = searched(begin, learnt, ROUGHLY)
+                    if best[1] > (1.0 - ROUGHLY) * before:  # the slopes led nowhere
                         learnt = _Learnt(cost, at, slopes(at))
-                        at = searched(at, learnt, evaluations, ROUGHLY)
+                        at = searched(at, learnt, ROUGHLY)
                     steep = learnt.slopes
             except _HurryError:
                 at, steep = best[0], slopes(best[0], rows_at)

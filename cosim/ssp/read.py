@@ -81,12 +81,11 @@ def read_fmu(path: Path) -> System:
     with ExitStack() as stack:
         folder, note = scratch_folder()
         stack.callback(folder.cleanup)
+        shown = Path(called(path))
         with open_archive(path, str(path)) as archive:
             target = Path(folder.name, "c0")
-            fmu = load_fmu(archive, Path(called(path)).name, target, ours=is_ours(path))
-        name = Path(called(path)).stem.replace(
-            ".", "_"
-        )  # the first dot of a signal's name ends the component's
+            fmu = load_fmu(archive, shown.name, target, ours=is_ours(path))
+        name = shown.stem.replace(".", "_")  # the first dot of a signal's name ends the component's
         wires = {
             v.name: Wire(Port("", v.name), Port(name, v.name))
             for v in fmu.variables.values()

@@ -22,9 +22,7 @@ from cosim.inference.linear import Data, LinearModel, reference
 from cosim.inference.pieces import Cuts, by_piece
 
 Array = NDArray[np.float64]
-Fitted = dict[
-    tuple[str, str], LinearModel
-]  # (drive, signal) -> model of a free run over what does not judge it
+Fitted = dict[tuple[str, str], LinearModel]  # (drive, signal) -> model of a free run over what judges it not
 
 POINTS = 3000  # that a reference is fitted to at most, in each minute or less
 POINTS_OF_LONG = 9000  # of a longer log
