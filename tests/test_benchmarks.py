@@ -12,7 +12,7 @@ from types import ModuleType, SimpleNamespace
 import numpy as np
 import pytest
 
-from benchmarks import ablation, real_logs, rounding, third_log
+from benchmarks import ablation, each_alone, real_logs, rounding, third_log
 from benchmarks.rules import RULES, STAYS, Rule, empty, first, yes
 from cosim.diagnosis.model.machine import our_machine
 from cosim.diagnosis.pipeline import diagnose
@@ -99,6 +99,24 @@ def test_a_third_log_had_no_share_in_a_case(excavator, tmp_path):
         "boom-up-50-H-coupled",
         "boom-up-70-L-single",
     ]  # none of the way down
+
+
+def test_what_logs_of_one_axis_say_alike():
+    stop = {"dcv.stroke_limit": {"x_max": (1.0, (0.9, 1.1))}}
+    wide, far = ({"dead_zone.mismatch": {"b_r": (b, (b - 3.0, b + 3.0))}} for b in (50.0, 56.0))
+    rows = [
+        each_alone.Alone("boom", "1", wide | stop, [1.0, 4.0]),
+        each_alone.Alone("boom", "2", far, [2.0]),
+        each_alone.Alone("swing", "1", wide),
+        each_alone.Alone("swing", "2"),
+        each_alone.Alone("swing", "3"),
+    ]
+    assert len(each_alone.pairs(rows)) == 3  # none of two that name nothing
+    assert each_alone.agreeing(rows[0], rows[1]) == (0, 1)  # 6 apart, and 4.2 within both
+    told = each_alone.summary(rows)
+    assert told[0] == "the same causes in 0 of 3 pairs of logs"
+    assert told[1] == "causes in common: 0.17"
+    assert "geometric mean: 2" in told[3]
 
 
 def test_shares_that_a_third_log_bears_out():

@@ -99,6 +99,22 @@ def test_the_axis_starts_where_its_signal_does_unasked(axis):
     assert np.max(np.abs(place.measured - place.simulated)) < 1e-6
 
 
+def test_a_connector_called_like_the_signal_is_it_where_the_mapped_block_is_gone(axis):
+    """An extended model may have a linear one in the place of the blocks that the mapping names."""
+    mapping = axis(place="block.gone")
+    with pytest.raises(UsageError, match=r"'block\.gone' for the signal 'place'"):
+        opened(mapping)
+    wiring = axis.folder / "axis.ssd"
+    text = wiring.read_text(encoding="utf-8")
+    outside = '\n      <ssd:Connector name="theta"'
+    assert text.count(outside) == text.count('endConnector="theta"') == 1
+    text = text.replace(outside, outside.replace("theta", "place"))
+    wiring.write_text(text.replace('endConnector="theta"', 'endConnector="place"'), encoding="utf-8")
+    with opened(mapping) as comparator:
+        place = comparator.run({"mechanical.tau_c": 0.0, "mechanical.tau_load": 0.0}).signals["place"]
+    assert np.max(np.abs(place.measured - place.simulated)) < 1e-6
+
+
 def test_factor_scales_the_drive(axis):
     with opened(axis(factor="2 Pa/N")) as comparator:
         free = {"mechanical.tau_c": 0.0, "mechanical.tau_load": 0.0}

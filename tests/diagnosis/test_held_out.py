@@ -505,6 +505,21 @@ def test_a_search_goes_by_sets_whose_sizes_are_sure(
     assert bool(judge(MECHANICS.task, other, one, other)) is better
 
 
+def test_a_set_is_as_sure_as_with_something_simpler_in_the_place_of_what_is_not(monkeypatch) -> None:
+    """Stribeck's level and peak may not be told apart where there is friction beyond doubt: the search goes on."""
+
+    def step(chosen: tuple[Effect, ...]) -> Step:
+        names = {e.name for e in chosen}
+        rms = {frozenset(): 1.0, frozenset({BACKLASH.name}): 0.99}.get(frozenset(names), 0.5)
+        return Step(chosen, FIT, 1.0, rms, tuple(names & {STRIBECK.name}), rms**2 * np.linspace(0.8, 1.2, 24))
+
+    monkeypatch.setattr(held_out, "stepper", lambda *_: step)
+    monkeypatch.setattr(held_out, "compared", lambda *_: "slew")
+    judge = predicts_better(Held(SimpleNamespace(signals={}), 0), 0.01, {})  # type: ignore[arg-type]
+    one, other = Trial((STRIBECK, BACKLASH), FIT, 4), Trial((BACKLASH,), FIT, 1)
+    assert judge(MECHANICS.task, other, one, other)
+
+
 def test_the_set_that_errs_least_in_part_after_part_is_taken_and_a_sure_one_first() -> None:
     squares = np.full(22, 0.01)
     pushed = np.where(np.arange(22) == 4, 0.9, 0.0004)

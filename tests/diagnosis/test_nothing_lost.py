@@ -63,14 +63,14 @@ def test_the_answer_is_there_though_everything_after_it_fails(
 
 
 def test_a_block_whose_judging_fails_leaves_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
-    searched = pipeline.searched
+    begun = pipeline.begun
 
     def but_one(found, group, *arguments, **named):
         if group.name == "continuity":
             raise FloatingPointError("no number")
-        return searched(found, group, *arguments, **named)
+        return begun(found, group, *arguments, **named)
 
-    monkeypatch.setattr(pipeline, "searched", but_one)
+    monkeypatch.setattr(pipeline, "begun", but_one)
     run = make_log("steps", 12.0, ["dcv.gain"], seed=3)
     found = pipeline.diagnose(as_log(run), model=only("dcv", "continuity"))
     assert [c.effect.name for c in found.causes] == ["dcv.gain"]

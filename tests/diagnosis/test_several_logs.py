@@ -14,8 +14,9 @@ from cosim.diagnosis.fitting.fit import Fit
 from cosim.diagnosis.fitting.group_model import GroupModel
 from cosim.diagnosis.fitting.noise import Windows, learned, plain
 from cosim.diagnosis.fitting.trials import tried
+from cosim.diagnosis.held_out import causes
 from cosim.diagnosis.held_out.between import combined, over_logs
-from cosim.diagnosis.held_out.causes import left_out_errors
+from cosim.diagnosis.held_out.causes import each_in_turn, left_out_errors
 from cosim.diagnosis.held_out.free_run import errors, onward, refitted
 from cosim.diagnosis.held_out.gain import measure
 from cosim.diagnosis.hypotheses.naming import find, nominal
@@ -24,7 +25,13 @@ from cosim.diagnosis.model.machine import our_machine
 from cosim.diagnosis.pipeline.diagnose import diagnose, least_sure, none_between_logs, prepare, with_less
 from cosim.diagnosis.record.grid import Grid, Pieces, grid_of
 from cosim.diagnosis.record.record import Record, each_left_out, fixed_values, joined
-from cosim.diagnosis.residuals.cross_validation import repetitions, window_numbers
+from cosim.diagnosis.residuals.cross_validation import (
+    fold_cuts,
+    fold_numbers,
+    fold_of,
+    repetitions,
+    window_numbers,
+)
 from cosim.diagnosis.residuals.finding import Finding, lacking, learn_noise
 from cosim.diagnosis.thresholds import CALIBRATED_TRUST
 from cosim.diagnosis.verdict.verdict import Cause, adequate
@@ -217,6 +224,64 @@ def test_a_log_left_out_by_one_step_errs_as_one_that_was_not_fitted(
         assert rms(own) == pytest.approx(rms(errors(alone, fit, held)["slew"]), rel=0.15)
         # the free run is what the one estimator makes smallest; of the other it is no more than about as small
         assert rms(own) > (1.0 if estimator is refitted else 0.99) * rms(inside)
+
+
+def test_a_quarter_of_one_log_is_left_out_as_a_log_is_of_several() -> None:
+    alone, two = plain(2, 5, False, skip=3), plain(2, 5, False, skip=3, cuts=(27,))
+    assert fold_of(alone, 109).tolist() == [0, 0, 0, 1, 1, 2, 2, 2, 3, 3]
+    assert fold_cuts(alone, 109) == (33, 53, 83)
+    numbers = alone.layout.numbers(109)
+    for i, part in enumerate(np.split(numbers, fold_cuts(alone, 109))):
+        inside = part[part >= 0]
+        assert np.all(fold_of(alone, 109)[inside] == i)
+    assert fold_of(two, 60).tolist() == two.log_of(60).tolist()
+    assert fold_cuts(two, 60) == (27,)
+    walked = fold_numbers({"slew": alone}, 109, walked=True)
+    assert walked.tolist() == [*np.repeat(fold_of(alone, 109), 5), *fold_of(alone, 109)[:-1]]
+
+
+def test_a_log_of_a_few_windows_judges_nothing_by_its_quarters() -> None:
+    rule, record = plain(2, 5, False), Record(H, {"u": np.zeros(79)})
+    assert each_in_turn(record, rule) is None
+    longer = each_in_turn(Record(H, {"u": np.zeros(80)}), rule)
+    assert longer is not None
+    assert longer.in_turn
+
+
+@pytest.mark.parametrize("estimator", [refitted, onward])
+def test_a_quarter_left_out_by_one_step_errs_as_one_that_was_not_fitted(
+    pair: list[Record], estimator: Callable[..., Fit]
+) -> None:
+    """The step from the fit to all of one log, against a fit to the windows of its other quarters."""
+    effect, record = registry.effects()["mechanical.coulomb_friction"], pair[0]
+    task = task_for(MECHANICS, record, [])
+    null = nominal(task, record, CALIBRATED_TRUST)
+    finding = Finding(task, null, tried(task, (effect,), CALIBRATED_TRUST, null.fit), free=True)
+    whole = estimator(finding, (effect,), CALIBRATED_TRUST, finding.chosen.fit)
+    walked = estimator is onward
+    each = left_out_errors(finding, (effect,), whole, "slew", CALIBRATED_TRUST, walked)
+    assert sum(e.size for e in each) == record.time.size
+    rule = task.rules["slew"]
+    others = fold_of(rule, record.time.size) != 3
+    cut = fold_cuts(rule, record.time.size)[-1]
+    alone = refitted(finding, (effect,), CALIBRATED_TRUST, finding.chosen.fit, mask=others)
+    assert rms(each[3]) == pytest.approx(rms(alone.residuals["slew"][cut:]), rel=0.3 if walked else 0.15)
+
+
+def test_a_step_that_leads_astray_is_not_taken(pair: list[Record], monkeypatch) -> None:
+    """Far from where it was taken a straight line says nothing: without a quarter the others would be described worse."""
+    effect, record = registry.effects()["mechanical.coulomb_friction"], pair[0]
+    task = task_for(MECHANICS, record, [])
+    null = nominal(task, record, CALIBRATED_TRUST)
+    finding = Finding(task, null, tried(task, (effect,), CALIBRATED_TRUST, null.fit), free=True)
+    fit = refitted(finding, (effect,), CALIBRATED_TRUST, finding.chosen.fit)
+    inside = np.split(fit.residuals["slew"], fold_cuts(task.rules["slew"], record.time.size))
+    monkeypatch.setattr(
+        causes, "steps_without", lambda rows, slopes, block: np.full((4, slopes.shape[1]), 40.0)
+    )
+    each = left_out_errors(finding, (effect,), fit, "slew", CALIBRATED_TRUST, False)
+    for own, fitted in zip(each, inside, strict=True):
+        np.testing.assert_allclose(own, fitted)
 
 
 def test_of_logs_of_one_window_nothing_goes_on_to_the_next() -> None:

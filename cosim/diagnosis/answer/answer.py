@@ -240,14 +240,17 @@ def parameter_of(
         return Parameter(
             value=value * scale, unit=unit, ci95=((value - reach) * scale, (value + reach) * scale)
         )
+    ends = (item.ci95[0] * scale, item.ci95[1] * scale)
+    if not diagnosis.record.cuts:  # its parts are no logs
+        return Parameter(value=value * scale, unit=unit, ci95=ends)
     each = []
     for own, spread in zip(item.values, 1.96 * item.deviations, strict=True):
-        ends = (float(own - spread) * scale, float(own + spread) * scale) if np.isfinite(spread) else None
-        each.append(OfLog(value=float(own) * scale, ci95=ends))
+        told = (float(own - spread) * scale, float(own + spread) * scale) if np.isfinite(spread) else None
+        each.append(OfLog(value=float(own) * scale, ci95=told))
     return Parameter(
         value=value * scale,
         unit=unit,
-        ci95=(item.ci95[0] * scale, item.ci95[1] * scale),
+        ci95=ends,
         per_log=each,
         next_log_ci95=(item.next_ci95[0] * scale, item.next_ci95[1] * scale),
     )

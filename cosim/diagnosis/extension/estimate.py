@@ -18,7 +18,7 @@ from cosim.diagnosis.fitting.trials import Trial
 from cosim.diagnosis.fitting.whole import fitted_chain, whole_run
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.held_out.between import over_logs
-from cosim.diagnosis.held_out.causes import Held, left_out_errors
+from cosim.diagnosis.held_out.causes import Held, each_in_turn, left_out_errors
 from cosim.diagnosis.held_out.free_run import errors, onward, refitted
 from cosim.diagnosis.held_out.gain import Gain, begun_anew, measure, run_package
 from cosim.diagnosis.hypotheses.naming import worth_naming
@@ -26,7 +26,7 @@ from cosim.diagnosis.model.groups import Group
 from cosim.diagnosis.record.grid import of_piece
 from cosim.diagnosis.record.record import fixed_values, is_start
 from cosim.diagnosis.record.signatures import SAMPLED
-from cosim.diagnosis.residuals.cross_validation import held_windows, log_numbers, repetitions
+from cosim.diagnosis.residuals.cross_validation import fold_numbers, held_windows, repetitions
 from cosim.diagnosis.residuals.finding import Finding
 from cosim.diagnosis.thresholds import CALIBRATED_TRUST
 from cosim.diagnosis.verdict.verdict import what_stands
@@ -95,7 +95,7 @@ def fit_all(
     diagnosis.deviations, diagnosis.correlations = chain.deviations, chain.correlations
     diagnosis.start = {n: chain.values.get(n, v) for n, v in start.items()}
     if cuts:
-        log = log_numbers({s: whole_run(r) for s, r in rules.items()}, record.time.size, mask=mask)
+        log = fold_numbers({s: whole_run(r) for s, r in rules.items()}, record.time.size, mask=mask)
         diagnosis.between = over_logs(chain, log, off)
 
 
@@ -133,9 +133,11 @@ def estimate_alone(
     ):  # what the extension is held against has its own parameters fitted as well
         diagnosis.calibrated = plain.values
 
-    if record.cuts:
-        log = log_numbers(task.rules, record.time.size, walked, mask)
-        diagnosis.between = over_logs(best, log, partial(off_value, {"": finding}))
+    if record.cuts or (
+        held is None and tolerance >= CALIBRATED_TRUST and each_in_turn(record, rule) is not None
+    ):
+        fold = fold_numbers(task.rules, record.time.size, walked, mask)
+        diagnosis.between = over_logs(best, fold, partial(off_value, {"": finding}))
 
 
 def off_value(findings: Mapping[str, Finding], name: str) -> float:

@@ -30,10 +30,9 @@ from cosim.diagnosis.fitting.trials import (
 )
 from cosim.diagnosis.held_out.free_run import errors, onward, refitted
 from cosim.diagnosis.hypotheses.naming import Judge, worth_naming
-from cosim.diagnosis.record.grid import of_piece
 from cosim.diagnosis.record.record import Record, joined
 from cosim.diagnosis.record.signatures import SAMPLED
-from cosim.diagnosis.residuals.cross_validation import moving, repetitions
+from cosim.diagnosis.residuals.cross_validation import fold_cuts, fold_numbers, moving
 from cosim.diagnosis.residuals.finding import Finding
 from cosim.diagnosis.thresholds import (
     AS_WELL,
@@ -51,6 +50,8 @@ from fmus.contract import Effect
 
 Array = NDArray[np.float64]
 
+HALVINGS = 4  # of a step, before none is taken
+
 
 @dataclass(frozen=True)
 class Held:
@@ -61,7 +62,7 @@ class Held:
         first: sample from which errors count.
         logs: names of the logs; none where it is the end of the fitted one.
         sha256: of their files.
-        in_turn: it is the fitted logs themselves, each left out in turn.
+        in_turn: it is the fitted logs themselves, each left out in turn, or of one log each quarter.
     """
 
     record: Record
@@ -81,9 +82,14 @@ def held_logs(records: Sequence[Record], logs: Sequence[Log]) -> Held:
     return Held(joined(records), 0, tuple(log.name for log in logs), ", ".join(log.sha256 for log in logs))
 
 
-def each_in_turn(record: Record) -> Held | None:
-    """The logs of a record, each left out in turn; None of one log."""
-    return Held(record, 0, in_turn=True) if record.cuts else None
+def each_in_turn(record: Record, rule: Whitener) -> Held | None:
+    """The logs of a record, each left out in turn, or the quarters of one log; None of one of a few windows.
+
+    What a machine, its operator or what the model lacks changes within a log, its windows have in common as the windows of
+    one log among several: a cause has to help where nothing was fitted.
+    """
+    many = rule.log_of(record.time.size).size >= FEWEST_PARTS
+    return Held(record, 0, in_turn=True) if record.cuts or many else None
 
 
 @dataclass(frozen=True)
@@ -293,10 +299,12 @@ def stepper(
         placed, course = model.group.integrates and not anew, None
         if held.in_turn:
             each = left_out_errors(finding, effects, fit_, signal, tolerance, anew)
-            spread = [float(np.var(v)) for v in np.split(finding.task.measured[signal], model.cuts)]
+            each_log = np.split(finding.task.measured[signal], fold_cuts(rule, held.record.time.size))
+            spread = [float(np.var(v)) for v in each_log]
             # each log counts as much; few logs are cut into as many parts as make an interval
             count = -(-FEWEST_PARTS // len(each))
-            own = [np.maximum(mean_squares(e, count, anew), quiet) for e in each]
+            own = [parts_of(e, rule, True, fewest=count) if anew else mean_squares(e, count) for e in each]
+            own = [np.maximum(squares, quiet) for squares in own]
             square = np.concatenate(own)
             squares = np.concatenate([o / v for o, v in zip(own, spread, strict=True)])
             if placed:
@@ -344,11 +352,21 @@ def predicts_better(held: Held, tolerance: float, done: Steps) -> Judge:
             return True  # nothing is said against it
         # of an axis that drifts a fit depends on what the noise is held to be meanwhile
         known = apart if task.model.group.drifts else done
-        step = stepper(Finding(task, null, one, [other]), held, signal, tolerance, known)
+        finding = Finding(task, null, one, [other])
+        step = stepper(finding, held, signal, tolerance, known)
         new, old = (step(tuple(e for e in t.effects if e.name not in SAMPLED)) for t in (one, other))
-        return new.sure and new.noticeably_better(old)
+        if not new.noticeably_better(old):
+            return False
+        return new.sure or any(s.sure and s.noticeably_better(old) for s in map(step, surer(finding, new)))
 
     return better
+
+
+def surer(finding: Finding, at: Step) -> Iterator[tuple[Effect, ...]]:
+    """A set with something simpler in the place of a cause whose size is not sure: Coulomb for Stribeck friction."""
+    for effect in (e for e in at.effects if e.name in at.unsure):
+        rest = tuple(e for e in at.effects if e != effect)
+        yield from ((*rest, e) for e in simpler(finding, effect) if e.name not in {r.name for r in rest})
 
 
 def listed_trials(finding: Finding) -> Iterator[Trial]:
@@ -364,7 +382,9 @@ def key_of(effects: Iterable[Effect]) -> frozenset[tuple[str, ...]]:
     return frozenset((e.name, *e.free) for e in effects)
 
 
-def parts_of(error: Array, rule: Whitener, anew: bool, cuts: tuple[int, ...] = ()) -> Array:
+def parts_of(
+    error: Array, rule: Whitener, anew: bool, cuts: tuple[int, ...] = (), fewest: int = FEWEST_PARTS
+) -> Array:
     """(parts,) mean square of an error in each part, SI: parts as long as a window, or so short that chance can be told.
 
     Args:
@@ -372,8 +392,9 @@ def parts_of(error: Array, rule: Whitener, anew: bool, cuts: tuple[int, ...] = (
         rule: of the signal.
         anew: in each part the prediction begins where the machine stands.
         cuts: first sample of each log but the first.
+        fewest: parts at least.
     """
-    count = max(FEWEST_PARTS, round(error.size / (rule.bins * rule.window)))
+    count = max(fewest, round(error.size / (rule.bins * rule.window)))
     return mean_squares(error, min(count, error.size), anew, cuts)
 
 
@@ -401,9 +422,10 @@ def sizes_in(fit_: Fit, effect: Effect) -> dict[str, float]:
 def left_out_errors(
     finding: Finding, effects: tuple[Effect, ...], fit_: Fit, signal: str, tolerance: float, walked: bool
 ) -> list[Array]:
-    """(n,) error of a signal in each log, simulated with the estimates that the other logs give, SI.
+    """(n,) error of a signal in each fold (`fold_of`), simulated with the estimates that the others give, SI.
 
-    These follow from the fit to all by one Gauss-Newton step (`cosim.inference.held_out`).
+    These follow from the fit to all by one Gauss-Newton step (`cosim.inference.held_out`), as much of it as makes the error
+    in the others no larger.
 
     Args:
         finding: what was named in the group.
@@ -414,22 +436,35 @@ def left_out_errors(
         walked: that fit is one of `freerun.onward`, not one to the free run.
     """
     task, model = finding.task, finding.task.model
+    rule, count = task.rules[signal], task.measured[signal].size
+    cuts = fold_cuts(rule, count)
     names, slopes = moving(fit_)
-    steps = np.zeros((len(model.parts), 0))
+    steps = np.zeros((len(cuts) + 1, len(names)))
     if names and fit_.rows is not None:
         scales = np.array([fit_.scales[n] for n in names])
-        steps = steps_without(fit_.rows, slopes, repetitions(task, walked)) * scales
+        steps = steps_without(fit_.rows, slopes, fold_numbers(task.rules, count, walked)) * scales
     bounds = {u.name: (u.low, u.high) for u in unknowns(model, effects, tolerance)[0]}
-    found = []
-    for i, (part, measured) in enumerate(
-        zip(model.parts, np.split(task.measured[signal], model.cuts), strict=True)
-    ):
-        moved = {
-            n: float(np.clip(fit_.values[n] + step, *bounds[n]))
-            for n, step in zip(names, steps[i], strict=True)
-        }
-        settings = of_piece(model.fixed | fit_.values | moved, i)
-        found.append(measured - part.simulate(settings)[signal])
+
+    def errors_at(step: Array) -> list[Array]:
+        moved = {n: float(np.clip(fit_.values[n] + s, *bounds[n])) for n, s in zip(names, step, strict=True)}
+        simulated = model.simulate(model.fixed | fit_.values | moved)[signal]
+        return np.split(task.measured[signal] - simulated, cuts)
+
+    def elsewhere(errors: list[Array], i: int) -> float:
+        rest = [float(e.size * np.mean(mean_squares(e, 1, walked))) for k, e in enumerate(errors) if k != i]
+        return sum(rest)
+
+    found, at = [], errors_at(np.zeros(len(names)))
+    for i, step in enumerate(steps):
+        errors, least = errors_at(step), elsewhere(at, i)
+        for _ in range(HALVINGS):  # a straight line that leads astray makes the others' errors larger
+            if elsewhere(errors, i) <= least:
+                break
+            step = 0.5 * step
+            errors = errors_at(step)
+        else:
+            errors = at
+        found.append(errors[i])
     return found
 
 

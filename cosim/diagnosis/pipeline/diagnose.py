@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ from cosim.diagnosis.extension.estimate import estimate, gain_by_fmus, worse, wr
 from cosim.diagnosis.extension.linear import can_replace, replaced
 from cosim.diagnosis.fitting.bounds import cannot_be, greatest_torque
 from cosim.diagnosis.fitting.chain import Known, task_for
+from cosim.diagnosis.fitting.fit import Task
 from cosim.diagnosis.fitting.group_model import GroupModel
 from cosim.diagnosis.fitting.propagated import propagated
 from cosim.diagnosis.fitting.trials import Trial, candidates_of, freed, tried, without
@@ -37,7 +37,6 @@ from cosim.diagnosis.held_out.causes import (
 from cosim.diagnosis.held_out.free_run import onward, refitted
 from cosim.diagnosis.hypotheses.exercised import never_exercised
 from cosim.diagnosis.hypotheses.naming import (
-    Judge,
     accepted,
     find,
     rivals,
@@ -238,18 +237,23 @@ def named_in(
     # mechanics integrate: what upstream is known to deliver drives them; elsewhere the measured signal does
     # what is delivered upstream on a command that is not known between its samples is no better than what was measured
     driving = known if group.moves and not record.sparse else []
-    # where nominal parameters are not trusted several logs judge one another; else windows do, with what is trusted
-    others = held or (each_in_turn(record) if trust >= CALIBRATED_TRUST else None)
     done: Steps = {}
+    task = begun(found, group, constants, driving)
+    # where nominal parameters are not trusted logs or parts of one judge one another; else windows do, with what is trusted
+    rule = next(iter(task.rules.values()))
+    others = held or (each_in_turn(record, rule) if trust >= CALIBRATED_TRUST else None)
     better = None if others is None else predicts_better(others, trust, done)
-    finding = searched(found, group, trust, constants, driving, most, better=better)
+    finding = find(task, record, trust, most, better)
     current().allow(share)
     if others is not None:
         finding = borne_out(found, group, finding, others, trust, watch, done)
     with part_of(found.notes, f"the linear reference of {group.name}"):
         finding = beside_linear(finding, record, held, found.linear)
     if driving:
-        again = partial(searched, found, group, trust, constants, most=most)
+
+        def again(known: list[Known]) -> Finding:
+            return find(begun(found, group, constants, known), record, trust, most)
+
         with part_of(found.notes, f"looking for the origin of what {group.name} shows in the blocks before"):
             known, finding = traced(found, finding, known, again, trust)
     conclude(found, group.name, finding, trust)
@@ -356,24 +360,15 @@ def swings_by_itself(finding: Finding, signal: str, linear: Reference) -> bool:
     return any(abs(mode - swing.start) * linear.model.length < 1.0 for mode in modes)
 
 
-def searched(
-    found: Diagnosis,
-    group: Group,
-    trust: float,
-    constants: Mapping[str, float] | None,
-    known: list[Known],
-    most: int,
-    *,
-    better: Judge | None = None,
-) -> Finding:
-    """What is found in a group that `known` blocks drive; `most` and what follows as `naming.find` takes them."""
+def begun(found: Diagnosis, group: Group, constants: Mapping[str, float] | None, known: list[Known]) -> Task:
+    """Data, model and noise of a group that `known` blocks drive, before anything is fitted."""
     task = task_for(group, found.record, known)
     settle(task.model, constants or {})
     heard = [f.task.rules[group.drive] for f in found.findings.values() if group.drive in f.task.rules]
     if group.moves and not known and heard:
         left = propagated(task, heard[0])
         task.set_rules({s: replace(rule, propagated=left[s]) for s, rule in task.rules.items()})
-    return find(task, found.record, trust, most, better)
+    return task
 
 
 def conclude(found: Diagnosis, name: str, finding: Finding, trust: float) -> None:

@@ -10,6 +10,7 @@ from cosim.diagnosis.fitting.fit import Fit, Task
 from cosim.diagnosis.fitting.noise import Whitener
 from cosim.diagnosis.fitting.trials import Trial, without
 from cosim.diagnosis.record.signatures import SAMPLED
+from cosim.diagnosis.thresholds import FOLDS
 from cosim.inference.held_out import HeldOutGain, gain_between, left_out, steps_without
 from cosim.inference.thresholds import HELD_EVERY
 from fmus.contract import Effect
@@ -39,13 +40,27 @@ def repetitions(task: Task, walked: bool = False) -> NDArray[np.int64]:
     """
     if not task.model.cuts:
         return window_numbers(task)
-    return log_numbers(task.rules, task.model.drive.size, walked)
+    return fold_numbers(task.rules, task.model.drive.size, walked)
 
 
-def log_numbers(
+def fold_of(rule: Whitener, count: int) -> NDArray[np.int64]:
+    """(windows,) what each window of `count` samples is left out with: its log, or of one log a quarter of that."""
+    log = rule.log_of(count)
+    return log if rule.cuts else np.arange(log.size) * FOLDS // max(log.size, 1)
+
+
+def fold_cuts(rule: Whitener, count: int) -> tuple[int, ...]:
+    """First sample, of `count`, of each fold but the first."""
+    if rule.cuts:
+        return rule.cuts
+    firsts = np.searchsorted(fold_of(rule, count), np.arange(1, FOLDS))
+    return tuple(int(np.argmax(rule.layout.numbers(count) >= first)) for first in firsts)
+
+
+def fold_numbers(
     rules: Mapping[str, Whitener], count: int, walked: bool = False, mask: NDArray[np.bool_] | None = None
 ) -> NDArray[np.int64]:
-    """The log to which each whitened value of signals of `count` samples belongs, from 0.
+    """The fold (`fold_of`) to which each whitened value of signals of `count` samples belongs, from 0.
 
     Args:
         rules: signal -> whitening rule.
@@ -55,11 +70,11 @@ def log_numbers(
     """
     rows = []
     for rule in rules.values():
-        log = rule.log_of(count)
-        rows.append(np.repeat(log if mask is None else log[mask], rule.window))
+        fold = fold_of(rule, count)
+        rows.append(np.repeat(fold if mask is None else fold[mask], rule.window))
     if walked:
-        log = next(iter(rules.values())).log_of(count)
-        rows.append(log[:-1][np.diff(log) == 0])
+        rule = next(iter(rules.values()))
+        rows.append(fold_of(rule, count)[:-1][np.diff(rule.log_of(count)) == 0])
     return np.concatenate(rows)
 
 
