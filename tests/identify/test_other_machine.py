@@ -39,7 +39,7 @@ def test_a_mass_is_told_as_one():
     """EMPS: "95 kg.m2, inertia at the slew axis" was said of a table on a spindle."""
     found = Answer("mechanics", {}, {"mechanical.J": Quantity(95.0, 1.0, 50.0, "kg.m2")}, lexicon=TRAVEL)
     (told,) = found.summary()
-    assert told.startswith("mechanical.J = 95 kg, 93 to 97 (95 %)")
+    assert told.startswith("mechanical.J = 95 kg, 92.99 to 97.01 (95 %)")
     assert told.endswith(": mass at the axis")
     assert found.as_data({})["parameters"]["mechanical.J"]["unit"] == "kg"
 
