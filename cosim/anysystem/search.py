@@ -28,7 +28,7 @@ from cosim.anysystem.readings import Grid, Stale, grid_of, stale_of
 from cosim.compare.metrics import white_noise
 from cosim.diagnosis.budget import Budget
 from cosim.diagnosis.held_out.between import Between, between_logs, combined, drawn_by_logs
-from cosim.errors import SimulationError
+from cosim.errors import OutOfTimeError, SimulationError
 from cosim.inference.freeform import Explained, explained
 from cosim.inference.held_out import HeldOutGain, ratio_ci95, squares_by_block
 from cosim.inference.noise import quietest
@@ -368,6 +368,7 @@ class Search:
         self.steady = False  # what stays wrong passes for no noise
         self.on_all = False  # the estimates are of the whole log
         self.tried: list[Candidate] = []  # all sets that were fitted
+        self.accepted = self.null  # the best as far as it has come
         self.sizes: dict[
             Action, float
         ] = {}  # log-likelihood that each cause's starts change at most, at first sight
@@ -909,6 +910,21 @@ class Search:
         )
         residual = self.problem.residuals(self.null.fit.values)
         finding.before = self._told(residual, self.null)
+        try:
+            best, singles = self._searched(begin)
+            fewer = self._pruned(best)
+            if self._drifts(best, fewer):
+                self.steady = True
+                fewer = self._pruned(self._refitted([best], [self.null])[0])
+        except OutOfTimeError:  # in the middle of a run: what was accepted before stands
+            fewer, singles = self.accepted, []
+            self._left_out("what the search had begun")
+        with self.model.runs.uncut():
+            self._decide(finding, fewer, singles)
+        return finding
+
+    def _searched(self, begin: Candidate | None) -> tuple[Candidate, list[Candidate]]:
+        """The causes that explain most, and those that were fitted one by one."""
         best, pool = self.null, [self.null]
         singles: list[Candidate] = []
         with self.budget.part(SEARCHING):
@@ -950,16 +966,12 @@ class Search:
                 if richer.score < poorer.score + NAMED or (count > 1 and not self._nearer(poorer, richer)):
                     break
                 best, pool = richer, found
+                self.accepted = best
         if self.learned:  # a stage that failed has learned its own
             self._settle(best)
             for other in singles:
                 self._scored(other)
-        fewer = self._pruned(best)
-        if self._drifts(best, fewer):
-            self.steady = True
-            fewer = self._pruned(self._refitted([best], [self.null])[0])
-        self._decide(finding, fewer, singles)
-        return finding
+        return best, singles
 
     def _between(self, best: Candidate) -> dict[str, Between]:
         """Each number of the causes by where each of the fitted logs draws it: how a machine changes until the next."""

@@ -6,6 +6,7 @@ the same, else anew. A run that was made before is not made again, nor one that 
 """
 
 import hashlib
+import math
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -19,7 +20,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.errors import SimulationError
+from cosim.errors import OutOfTimeError, SimulationError
 from cosim.master import Limits, Runner
 from cosim.results import Result
 from cosim.ssp.system import Fmu, Port, System, Value
@@ -45,6 +46,7 @@ class Runs:
         steps: communication steps that they took.
         runners: made so far.
         stop: told of a Ctrl-C in a run; True if what runs will end by itself soon.
+        left: tells how long a run may take, s; one that takes longer is cut off, and none begins where nothing is left.
     """
 
     def __init__(self, system: System, limits: Limits | None = None, apart: bool | None = None) -> None:
@@ -59,6 +61,7 @@ class Runs:
         self.usual: dict[tuple[str, ...], float] = {}  # time that a step of each unit took at first [s]
         self.count = self.steps = 0
         self.stop: Callable[[], bool] = lambda: False
+        self.left: Callable[[], float] = lambda: math.inf
         self.runners: dict[tuple[str, ...], Runner] = {}
         self._proved: set[tuple[str, ...]] = set()  # units whose restarts were tried
         self._renewed: set[tuple[str, ...]] = set()  # those whose restarts did not give the same
@@ -98,6 +101,19 @@ class Runs:
     def forget(self) -> None:
         """Make every run anew from here on."""
         self._kept.clear()
+
+    @contextmanager
+    def uncut(self) -> Iterator[None]:
+        """Within this no run is cut off for the time that is left: what was found is decided upon."""
+        before, self.left = self.left, lambda: math.inf
+        try:
+            yield
+        finally:
+            self.left = before
+
+    def usual_time(self, unit: Unit, h: float, count: int) -> float:
+        """How long a run over so many points of an interval h [s] took at first [s]; 0 of a unit that was not run."""
+        return self.usual.get(unit.components, 0.0) * self.substeps(unit, h) * (count - 1)
 
     @contextmanager
     def exact(self) -> Iterator[None]:
@@ -266,18 +282,24 @@ class Runs:
 
         Raises:
             SimulationError: it did, or failed.
+            OutOfTimeError: nothing is left of the time for runs.
         """
         most, known = self.limits.run, self.usual.get(unit.components)
         if known is not None:
             most = min(most, max(SLOWER * known * steps, LEAST_TIME))
+        left = self.left()
+        if left <= 0.0:
+            raise OutOfTimeError("the time for runs was over")
         begun = time.monotonic()
         try:
-            result = once(within=most)
+            result = once(within=min(most, left))
         except KeyboardInterrupt:  # our own FMUs hear it within their loop
             if not self.stop():
                 raise
             result = once()
         except SimulationError as error:
+            if self.left() <= 0.0:
+                raise OutOfTimeError(str(error)) from None
             if known is not None or time.monotonic() - begun < most:
                 raise
             raise SimulationError(
@@ -287,7 +309,7 @@ class Runs:
         self.usual.setdefault(unit.components, (time.monotonic() - begun) / steps)
         return result
 
-    def _prove(self, unit: Unit, once: Callable[[], Result], first: Result) -> None:
+    def _prove(self, unit: Unit, once: Callable[..., Result], first: Result) -> None:
         """See whether a unit that restarts by its state gives what a new instance gave; if not it is made anew each time."""
         if (
             self._finer > 1
@@ -298,9 +320,12 @@ class Runs:
         self._proved.add(unit.components)
         self.count += 1
         try:
-            again = once()
+            again = once(within=max(self.left(), 0.0))
             same = all(np.array_equal(again.signals[n], v, equal_nan=True) for n, v in first.signals.items())
         except SimulationError:
+            if self.left() <= 0.0:
+                self._proved.discard(unit.components)
+                return
             same = False
         except KeyboardInterrupt:
             if not self.stop():
