@@ -36,7 +36,7 @@ WINDOWS = 30  # a log is cut into, of which every third is held out
 SHOWN = 10  # inputs that a sentence lists
 SEARCHED = 0.85  # of the time allowed, until which groups are judged
 GRACE = 0.05  # of it: beyond its stage a run may take so much, since what was begun mostly ends soon,
-LEAST = 2.0  # s, and all together at least so much: a few short runs tell how a model is as it is
+BRIEFLY = 2.0  # s, and all together at least so much: a few short runs tell how a model is as it is
 AS_GOOD = 2.0  # times a reading's noise: a model that leaves no more of it takes the reading's place
 LEAST_GAIN = 0.05  # below it a reading holds more noise than signal
 UNEVEN = 0.01  # of an interval
@@ -274,7 +274,7 @@ def diagnose_system(
         trust.free[name] = value_of(system, name) or 0.0
     theirs = [own for group in groups for own in cuts.own[group.name].values()]
     runs.load(list(dict.fromkeys(unit for own in theirs for unit in own.units)))
-    runs.stop, runs.left = found.budget.end, lambda: found.budget.left(GRACE, LEAST)
+    runs.stop, runs.left = found.budget.end, lambda: found.budget.left(GRACE, BRIEFLY)
     found.budget.allow(SEARCHED)
     with suppress(OutOfTimeError):  # said of each group
         thin(found, runs, trust, options)
@@ -324,9 +324,8 @@ def diagnose_system(
 
 def too_slow(found: AnyDiagnosis, group: CutGroup, runs: Runs) -> str:
     """Why nothing is known of a group: the time was over before its model as it is had been run as often as it takes."""
-    longest = max(found.segments, key=lambda s: s.count)
     units = {unit for own in found.cuts.own[group.name].values() for unit in own.units}
-    times = [runs.usual_time(unit, longest.h, longest.count) for unit in units]
+    times = [runs.took.get(unit.components, 0.0) for unit in units]
     one = f"; one run of it takes {sum(times):.2g} s" if sum(times) > 0.0 else ""
     return (
         f"{found.budget.why} before it could be judged{one}, and a diagnosis makes hundreds: allow more time (--budget), or "

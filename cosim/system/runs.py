@@ -42,6 +42,7 @@ class Runs:
     """All units of a system; a context manager.
 
     Attributes:
+        took: time that the last run of each unit took [s].
         count: runs of units that were made.
         steps: communication steps that they took.
         runners: made so far.
@@ -59,6 +60,7 @@ class Runs:
         """
         self.system, self.limits, self.apart = system, limits or Limits.usual(), apart
         self.usual: dict[tuple[str, ...], float] = {}  # time that a step of each unit took at first [s]
+        self.took: dict[tuple[str, ...], float] = {}
         self.count = self.steps = 0
         self.stop: Callable[[], bool] = lambda: False
         self.left: Callable[[], float] = lambda: math.inf
@@ -110,10 +112,6 @@ class Runs:
             yield
         finally:
             self.left = before
-
-    def usual_time(self, unit: Unit, h: float, count: int) -> float:
-        """How long a run over so many points of an interval h [s] took at first [s]; 0 of a unit that was not run."""
-        return self.usual.get(unit.components, 0.0) * self.substeps(unit, h) * (count - 1)
 
     @contextmanager
     def exact(self) -> Iterator[None]:
@@ -306,7 +304,8 @@ class Runs:
                 f"{error}; a diagnosis needs hundreds of runs of the log's length. What drives it may be wrong (columns, "
                 "units, signs in the mapping); else take a shorter log, or allow more by COSIM_RUN (seconds)"
             ) from None
-        self.usual.setdefault(unit.components, (time.monotonic() - begun) / steps)
+        self.took[unit.components] = time.monotonic() - begun
+        self.usual.setdefault(unit.components, self.took[unit.components] / steps)
         return result
 
     def _prove(self, unit: Unit, once: Callable[..., Result], first: Result) -> None:
