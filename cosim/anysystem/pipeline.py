@@ -372,7 +372,7 @@ def judge(
     search = Search(model, trust, options.exclude, options.causes, found.budget)
     found.notes += [
         f"{group.name} is not deterministic: two runs differ by {size:.3g} in {signal} (RMS), which counts as noise"
-        for signal, size in search.differs.items()
+        for signal, size in search.known.differs.items()
         if size > 0.0
     ]
     found.notes += [
@@ -532,7 +532,7 @@ def in_some_logs(
         f"{listed([a.words for a in theirs.named])}: in {listed(wrong)} alone; {said} and "
         f"{'contradicts' if len(right) == 1 else 'contradict'} it"
     )
-    return [theirs, Finding(without.model, without.problem, without.null, without.null)]
+    return [theirs, Finding(without.model, without.problem, without.known.null, without.known.null)]
 
 
 def listed(words: Sequence[str]) -> str:
@@ -712,7 +712,7 @@ def known_in(found: AnyDiagnosis, model: GroupModel, doubted: Doubted) -> list[S
 def heard(found: AnyDiagnosis, search: Search, doubted: Doubted) -> None:
     """Ask whether it is the reading that is off: then the quantity before the effect drives the group from here on."""
     for name, action, signal, series in doubted:
-        vote = vote_of(search.problem, search.model, search.null.fit.values, signal, series)
+        vote = vote_of(search.problem, search.model, search.known.null.fit.values, signal, series)
         if vote is None:
             continue
         found.votes.setdefault((name, action), {})[search.model.group.name] = vote
@@ -760,7 +760,9 @@ def driven_by_itself(
     The noise of such a reading would else go through the components behind it and look like a fault of theirs.
     """
     begun = finding.nearest or finding.chosen
-    near = search.model.own - {s for s, _ in search.model.group.judged if search.leaves(s, begun) > AS_GOOD}
+    near = search.model.own - {
+        s for s, _ in search.model.group.judged if search.fits.leaves(s, begun) > AS_GOOD
+    }
     if not near or found.budget.over or not (finding.named or finding.unexplained):
         return search, finding
     segments = search.model.segments
