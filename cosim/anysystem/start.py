@@ -445,18 +445,10 @@ def mapping_text(
             if not sure
         ]
     begins = beginnings_of(system, found, matched)
+    numbers = numbers_of(system, begins)
     read_in = {port: found.columns[k].unit or "" for k, port in taken.items()}
     lines += _start_lines(begins, read_in)
     told += [f"{b.connector} {began(b, read_in[b.connector])}" for b in begins if b.off]
-    from_log = {b.parameter for b in begins if b.parameter and b.off}
-    numbers = [
-        f"{c.name}.{v.name}"
-        for c in system.components.values()
-        for v in c.fmu.variables.values()
-        if settable(v)
-        and value_of(system, f"{c.name}.{v.name}") is not None
-        and f"{c.name}.{v.name}" not in from_log
-    ]
     lines += [
         "",
         "[diagnose]",
@@ -550,6 +542,18 @@ def lacking(system: System, found: Overview, matched: Matches) -> str:
     if found.clock is None and found.interval is None:
         lacks.append("the interval between samples ('step', for which 0.001 s stands now)")
     return "; ".join(lacks)
+
+
+def numbers_of(system: System, begins: Sequence[Beginning]) -> list[str]:
+    """Parameters that may be trusted or fitted, ``component.parameter``; an initial value that the log gives is none."""
+    from_log = {b.parameter for b in begins if b.parameter and b.off}
+    names = [
+        f"{c.name}.{v.name}"
+        for c in system.components.values()
+        for v in c.fmu.variables.values()
+        if settable(v)
+    ]
+    return [name for name in names if name not in from_log and value_of(system, name) is not None]
 
 
 def settable(variable: Variable) -> bool:
