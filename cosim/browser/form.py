@@ -37,7 +37,7 @@ from cosim.logs.mapping import Mapping, SignalColumn
 from cosim.logs.overview import Column, Overview
 from cosim.plots import thinned
 from cosim.signals import LOG_SIGNALS, SIGNALS
-from cosim.ssp.stated import in_si
+from cosim.ssp.stated import in_si, unit_in_words, without_unit
 from cosim.ssp.system import Port, System
 from cosim.system.graph import port_of
 
@@ -115,7 +115,7 @@ class NumberRow:
         name: ``component.parameter``.
         text: what the FMU says of it.
         value: as the model has it, in `unit`.
-        unit: of the FMU; empty where it states none.
+        unit: of the FMU, or as its description says; else empty.
         trusted: how well it is known, such as ``2 %``; empty where it is taken as exact.
         free: nobody knows it: it is fitted with every cause.
     """
@@ -311,7 +311,9 @@ def number_rows(system: System, begins: Sequence[Beginning]) -> list[NumberRow]:
     for name in numbers_of(system, begins):
         variable, value = system.variable(Port(*name.split(".", 1))), value_of(system, name)
         if value is not None:
-            rows.append(NumberRow(name, variable.description, value, variable.unit))
+            unit = variable.unit or unit_in_words(variable)
+            text = variable.description if variable.unit else without_unit(variable.description)
+            rows.append(NumberRow(name, text, value, unit))
     return rows
 
 

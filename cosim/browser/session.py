@@ -533,6 +533,8 @@ class Session:
             and "model" not in base
         ):
             raise FormError(f"the mapping names the model '{self._plain.model}': drop that file too")
+        if model is not None and self._ports:
+            base.setdefault("model", model.name if model.ours else str(model.path.resolve()))
         if external is not None and any(b.role == MORE for b in self._beside):
             raise FormError(
                 "the tracker goes with one log: remove it or the other logs, or take these to judge on"

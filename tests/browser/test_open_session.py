@@ -21,6 +21,7 @@ from cosim.browser.form import find, named
 from cosim.browser.mapping import FormError, toml_text
 from cosim.browser.session import Session, Work
 from cosim.errors import CosimError, DataError, UsageError
+from cosim.logs import load_mapping
 from cosim.logs.overview import overview
 from cosim.paths import examples_folder
 
@@ -607,6 +608,38 @@ def test_parameters_of_a_model_are_trusted_or_fitted_as_the_page_says(session, d
         True,
         "",
     )
+
+
+VOLTS = """
+from pythonfmu import Fmi2Causality, Fmi2Slave, Real
+
+
+class Volts(Fmi2Slave):
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.u, self.slew = 0.0, 0.0
+        self.register_variable(Real("u", causality=Fmi2Causality.input, description="motor voltage [V]"))
+        self.register_variable(Real("slew", causality=Fmi2Causality.output, description="position [mm]"))
+
+    def do_step(self, t, step):
+        return True
+"""
+
+
+def test_a_connector_that_is_called_like_a_signal_of_ours_is_not_it(session, tmp_path):
+    """A voltage called u was refused: "expected one like '1'"."""
+    parts.by_pythonfmu("Volts", VOLTS, tmp_path)
+    log = tmp_path / "log.csv"
+    log.write_text(
+        "t,u [V],slew [mm]\n" + "".join(f"{0.02 * k:.2f},{k % 7},{k * k / 100}\n" for k in range(100))
+    )
+    drop(session, tmp_path / "Volts.fmu")
+    drop(session, log)
+    form = session.state()["form"]
+    made = mapping_made(session, {"time": form["time"], "rows": {row["signal"]: row for row in form["rows"]}})
+    (tmp_path / "made.toml").write_text(made)
+    signals = load_mapping(tmp_path / "made.toml").signals
+    assert {name: column.unit for name, column in signals.items()} == {"u": "V", "Volts.slew": "mm"}
 
 
 @pytest.mark.parametrize("chosen", [True, False])
