@@ -7,7 +7,7 @@ from difflib import SequenceMatcher
 from pathlib import Path
 
 from cosim.anysystem.initial import Beginning, beginnings
-from cosim.anysystem.meant import Meaning, behind, clearly, conflicts
+from cosim.anysystem.meant import Meaning, behind, clearly, conflicts, kinds_of
 from cosim.anysystem.read import ends, heading, value_of
 from cosim.errors import DataError
 from cosim.logs.clocks import TIME_WORDS
@@ -157,8 +157,20 @@ def matches(
     }
     taken: dict[int, str] = {}
     doubts: dict[int, str] = {}
-    for k, port in sorted(scores, key=lambda pair: (scores[pair], pair[1] in feeds, *pair), reverse=True):
-        if scores[k, port] >= ALIKE and k not in taken and port not in taken.values():
+    # of columns that fit a name alike the description knows more, and what drives a model is rather a command
+    meaning = Meaning([label.short for label in labels], words, akin)
+    means = {
+        (k, port): (
+            round(meaning.fit(labels[k].short, *told[port]), 6),
+            port_of(system, port) in driving and "command" in kinds_of(labels[k].short),
+        )
+        for (k, port), score in scores.items()
+        if score >= ALIKE
+    }
+    for k, port in sorted(
+        means, key=lambda pair: (scores[pair], *means[pair], pair[1] in feeds, *pair), reverse=True
+    ):
+        if k not in taken and port not in taken.values():
             taken[k] = port
     for k, port in taken.items():
         others = [n for n in range(len(labels)) if n not in taken and n not in times]
@@ -499,8 +511,15 @@ def began(start: Beginning, unit: str) -> str:
     at = f"begins at {start.reading:.4g} {unit}".rstrip()
     if start.parameter:
         return f"{at}: the model begins there by {start.parameter}{'' if start.named else ' (CHECK)'}"
-    own = f", the model at {start.model:.4g}" if start.model is not None else ""
-    return f"{at}{own}, and no parameter looks like its start: name one under [compare.start], or expect an offset"
+    if start.model is None:
+        return (
+            f"{at}; where the model begins the FMU does not say, and no parameter looks like its start: if it begins "
+            "elsewhere, name one under [compare.start]"
+        )
+    return (
+        f"{at}, the model at {start.model:.4g}, and no parameter looks like its start: name one under [compare.start], or "
+        "expect an offset"
+    )
 
 
 def _start_lines(begins: Sequence[Beginning], units: Mapping[str, str]) -> list[str]:
@@ -508,7 +527,11 @@ def _start_lines(begins: Sequence[Beginning], units: Mapping[str, str]) -> list[
     lines = []
     for b in begins:
         reading = f"the log begins at {b.reading:.4g} {units[b.connector]}".rstrip()
-        own = f", the model at {b.model:.4g}" if b.model is not None else ", the model elsewhere"
+        own = (
+            f", the model at {b.model:.4g}"
+            if b.model is not None
+            else "; where the model begins the FMU does not say"
+        )
         if b.parameter:
             sure = "" if b.named else "; its description says so: CHECK"
             mark = "" if b.off else "# "
