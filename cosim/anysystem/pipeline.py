@@ -328,8 +328,8 @@ def too_slow(found: AnyDiagnosis, group: CutGroup, runs: Runs) -> str:
     times = [runs.took.get(unit.components, 0.0) for unit in units]
     one = f"; one run of it takes {sum(times):.2g} s" if sum(times) > 0.0 else ""
     return (
-        f"{found.budget.why} before it could be judged{one}, and a diagnosis makes hundreds: allow more time (--budget), or "
-        "take a shorter log or one with fewer samples"
+        f"{found.budget.why} before it could be judged{one}, and a diagnosis makes hundreds of runs: allow more "
+        "time (--budget), or take a shorter log or one with fewer samples"
     )
 
 
