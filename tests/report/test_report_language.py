@@ -311,7 +311,8 @@ ANY_SYSTEM = [
     "the time allowed (60 s) was over before it could be judged; one run of it takes 16 s, and a diagnosis makes hundreds "
     "of runs: allow more time (--budget), or take a shorter log or one with fewer samples",
     "no component can be judged: part_1: the time allowed (60 s) was over before it could be judged; one run of it takes "
-    "1.6 s, and a diagnosis makes hundreds of runs: allow more time (--budget), or take a shorter log or one with fewer samples",
+    "1.6 s, and a diagnosis makes hundreds of runs: allow more time (--budget), or take a shorter log or one with fewer "
+    "samples",
     "of its outputs only part_1.n was measured, and what is whole or true or false is not judged",
 ]
 
