@@ -17,8 +17,8 @@ STALE = 0.01  # share of repeated samples from which they are no accident
 MISSED = 0.5  # of a reading's usual change: less than that at the end of repeated samples is nothing missed
 NEAR_BY = 100  # samples of about one size, in which a file's digits show
 WHOLE = 0.05  # of the last digit: changes are so near to whole ones where readings are written with that many digits,
-WHOLLY = 0.95  # of them
-NEXT = 3  # last digits: noise that spans many changes by one, two or three of them each about as often as by none
+ON_DIGITS = 0.95  # of them
+DIGITS = 3  # last digits: noise that spans many changes by one, two or three of them each about as often as by none
 CHANCE = 4.0  # standard deviations of a count by which repeated samples must be more than chance makes them
 NOISY = 3e-4  # of the spread: with this much noise no two samples are alike
 
@@ -108,8 +108,8 @@ def by_chance(series: Array) -> float:
             continue
         digit = float(moved.min())
         steps = moved / digit
-        if np.mean(np.abs(steps - np.round(steps)) < WHOLE) >= WHOLLY:
-            expected += float(np.sum(np.round(steps) <= NEXT)) / (2 * NEXT)
+        if np.mean(np.abs(steps - np.round(steps)) < WHOLE) >= ON_DIGITS:
+            expected += float(np.sum(np.round(steps) <= DIGITS)) / (2 * DIGITS)
     return expected
 
 
