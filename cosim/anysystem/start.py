@@ -168,7 +168,7 @@ def matches(
         if score >= ALIKE
     }
     for k, port in sorted(
-        means, key=lambda pair: (scores[pair], *means[pair], pair[1] in feeds, *pair), reverse=True
+        means, key=lambda pair: (scores[pair], pair[1] in feeds, *means[pair], *pair), reverse=True
     ):
         if k not in taken and port not in taken.values():
             taken[k] = port
