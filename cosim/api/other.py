@@ -23,12 +23,18 @@ def other_of(mapping: Path | None, logs: list[Log]) -> Other | None:
     if not plain.machine and model in OURS:
         return None
     name, (command, motion) = plain.name or Path(model).stem, ends(plain)
+    beside = [signal for signal in logs[0].signals if signal != command]
+    if motion not in logs[0] and len(beside) == 1:
+        (motion,) = beside
+    unknown = Other(name, mapping, command=command, motion=motion)  # FMUs of which we know nothing
+    if model.lower().endswith(".fmu"):
+        return unknown
     try:
         machine = machine_of(None, logs, mapping)
     except ModelError:
         if plain.machine or model.lower().endswith(".ssd"):
             raise
-        return Other(name, mapping, command=command, motion=motion)  # FMUs of which we know nothing
+        return unknown
     if machine.name in OURS:
         return None
     return Other(

@@ -17,6 +17,7 @@ from cosim.logs import Log
 from cosim.units import is_speed
 
 OURS = ("simplified", "full_order", "physical")  # models of the crane
+PLACES = ("rad", "m")  # SI units of an angle and a position
 ABSENT = {  # what a component that a machine does not have does: nothing
     "compensator": {"d_plus": 0.0, "d_minus": 0.0},
     "dead_zone": {"b_r": 0.0, "b_l": 0.0, "m_r": 1.0, "m_l": 1.0, "limit": float(np.inf)},
@@ -53,7 +54,11 @@ class Other:
 
     def integrates(self, log: Log) -> bool:
         """Whether a command makes a speed and a place was measured."""
-        return "mechanical" in self.blocks and self.motion in log and not is_speed(log.units[self.motion])
+        if self.motion not in log:
+            return False
+        unit = log.units[self.motion]
+        # of FMUs nobody knows more than what was measured
+        return "mechanical" in self.blocks and not is_speed(unit) if self.blocks else unit in PLACES
 
 
 def known_beside(settings: Iterable[str], other: Other | None) -> dict[str, float]:

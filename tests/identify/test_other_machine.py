@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cosim.api.other import other_of
 from cosim.errors import UsageError
 from cosim.identify.answer import Answer
 from cosim.identify.estimate import Quantity
@@ -52,6 +53,22 @@ def test_a_channel_goes_from_the_command_of_a_machine_to_its_motion(tmp_path):
     moving = Other("boom", Path("m.toml"), ("dcv", "mechanical"))
     assert (channel_of(moving, log).source, channel_of(moving, log).integrators) == ("u", 1)
     assert channel_of(Other("valve", Path("m.toml"), ("dcv",)), log).integrators == 0
+    assert (
+        channel_of(Other("axis.fmu", Path("m.toml")), log).integrators == 1
+    )  # an angle, as far as anybody knows
+
+
+def test_an_fmu_is_no_crane(tmp_path):
+    """Its input called u went through the crane's compensator; its one output is what moves, whatever its name."""
+    (tmp_path / "log.csv").write_text("t,vir,qm\n" + "".join(f"{k / 10},{k % 2},{k}\n" for k in range(50)))
+    (tmp_path / "m.toml").write_text(
+        'model = "axis.fmu"\ntime = { column = "t", unit = "s" }\n[signals]\nu = { column = "vir", unit = "V" }\n'
+        'x = { column = "qm", unit = "mm" }\n'
+    )
+    other = other_of(tmp_path / "m.toml", [load_log(tmp_path / "log.csv", tmp_path / "m.toml")])
+    assert other is not None
+    assert (other.command, other.motion) == ("u", "x")
+    assert known_beside([], other)["compensator.d_plus"] == 0.0
 
 
 def test_an_observer_of_an_angle_is_not_made_for_a_cylinder(tmp_path, known):
