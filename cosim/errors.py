@@ -50,6 +50,12 @@ class SimulationError(CosimError):
     partial: Any = None
 
 
+class OutOfTimeError(CosimError):
+    """The time allowed was over while something ran; what was found before stands (exit code 4)."""
+
+    exit_code = 4
+
+
 class MissingExtraError(CosimError):
     """An optional dependency is missing; the message names the extra to install (exit code 5)."""
 

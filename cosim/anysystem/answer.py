@@ -45,6 +45,7 @@ from cosim.system.effects import EFFECTS
 
 Array = NDArray[np.float64]
 SHOWN_RIVALS = 8
+TWO_SIDED = ("port.saturation", "port.dead_zone")  # effects of which a log may meet one side alone
 
 
 def answer(found: AnyDiagnosis, package: Packages | None = None, file: Path | None = None) -> Answer:
@@ -77,6 +78,12 @@ def answer(found: AnyDiagnosis, package: Packages | None = None, file: Path | No
                 for w in log.warnings
             ),
             *found.notes,
+            *(
+                f"{action.words}: in {listed(own)} alone"
+                for finding in found.findings.values()
+                for action in finding.read
+                if (own := stale_in(found, finding, action))
+            ),
         ],
         advice=found.advice,
         held_out=held_out(found),
@@ -173,8 +180,22 @@ def named(found: AnyDiagnosis, group: str, action: Action) -> NamedCause:
         },
         rivals=rivals,
         indistinguishable_from=alike,
-        logs=[found.logs[k].source.name for k in sorted(found.only.get(group, NO_LOGS)[0])],
+        logs=[found.logs[k].source.name for k in sorted(found.only.get(group, NO_LOGS)[0])]
+        or stale_in(found, finding, action),
     )
+
+
+def stale_in(found: AnyDiagnosis, finding: Finding, action: Action) -> list[str]:
+    """The logs in which samples of a reading repeat themselves, where others have none; empty where all have some."""
+    shown = finding.read.get(action)
+    if not isinstance(shown, Stale):
+        return []
+    (signal,) = (s for s, port in finding.model.group.judged if port == action.port)
+    segments = [finding.model.segments[k] for k in finding.model.judging(signal)]
+    own = [
+        s.number for s, held in zip(segments, shown.held, strict=True) if np.any(held != np.arange(held.size))
+    ]
+    return [] if len(own) == len(segments) else [found.logs[k].source.name for k in sorted(set(own))]
 
 
 def behind_wire(finding: Finding, action: Action) -> list[str]:
@@ -235,6 +256,7 @@ def numbers(
             action.port.variable: Parameter(value=value, unit=unit, ci95=ends, instead_of=instead, **told)
         }
     signal, factor, _ = unit_at(found, action)
+    met = [p for p in EFFECTS[action.effect].parameters if fit.deviation(action.key(p)) > 0.0]
     for parameter, declared in EFFECTS[action.effect].parameters.items():
         key = action.key(parameter)
         scale = factor if declared.kind in ("signal", "signal/s") else 1.0
@@ -246,6 +268,8 @@ def numbers(
         unknown = known[key]
         if action.effect == "port.saturation" and not unknown.low < value < unknown.high:
             continue  # beyond what the signal reaches
+        if action.effect in TWO_SIDED and met and parameter not in met:
+            continue  # of which the log shows nothing: no sample comes to this side
         ends = finding.between[key].ci95 if key in finding.between else (value - reach, value + reach)
 
         def shown(

@@ -17,7 +17,7 @@ from cosim.files import Scratch, write_bytes
 from cosim.native.build import MissingCompilerError, build_native
 from cosim.ssp.effects import kind_of
 from cosim.ssp.flatten import flatten
-from cosim.ssp.system import FOUND, System, Value
+from cosim.ssp.system import FOUND, Port, System, Value
 from cosim.ssp.write import NAMESPACES, SSC, SSD, SSV, structure_bytes, write_archive, xml_bytes
 from cosim.ssp.xml import parse
 from cosim.system.effects import EFFECTS
@@ -123,6 +123,7 @@ def write_package(
             file = make(compose(BLOCK), Path(scratch, f"{name}.fmu"), starts)
             entries[f"resources/{name}.fmu"] = file.read_bytes()
             insert(node, action, name)
+            state_unit(node, action.port, system.variable(action.port).unit)
     for label, values in ((STATED, stated), (FOUND, numbers)):
         for full, value in values.items():
             component, _, parameter = full.partition(".")
@@ -223,6 +224,19 @@ def insert(system: etree._Element, action: Action, name: str) -> None:
                 wire.set("suppressUnitConversion", "true")
     inside = {"Element": name, "Connector": "y" if action.where == "input" else "u"}
     connect(wires, *((inside, port) if action.where == "input" else (port, inside)))
+
+
+def state_unit(system: etree._Element, port: Port, unit: str) -> None:
+    """Say at a component's connector in which unit its numbers are, where nothing says so and a wire told it before."""
+    path = f"ssd:Elements/ssd:Component[@name='{port.component}']/ssd:Connectors/ssd:Connector[@name='{port.variable}']"
+    own = system.find(path, NAMESPACES)
+    if own is None or not unit:
+        return
+    kind = own.find("ssc:Real", NAMESPACES)
+    if kind is None and len(own) == 0:
+        kind = etree.SubElement(own, f"{{{SSC}}}Real")
+    if kind is not None and not kind.get("unit"):
+        kind.set("unit", unit)
 
 
 def bind(element: etree._Element, values: Mapping[str, Value], label: str) -> None:

@@ -71,8 +71,10 @@ def beginnings(
         parameter, named = of.get(connector, ("", False))
         port = port_of(system, connector)
         own = value_of(system, parameter) if parameter else system.variable(port).start
-        number = float(own) if isinstance(own, (int, float)) else 0.0
-        model = _converted(number, units[connector], column.unit)
+        # an output that is computed at the start has no value in the description
+        model = (
+            _converted(float(own), units[connector], column.unit) if isinstance(own, (int, float)) else None
+        )
         least = max(OFF * white_noise(column.finite), SEEN * float(np.ptp(column.finite)))
         off = model is None or abs(reading - model) > least
         found.append(Beginning(connector, parameter, named, reading, model, off))

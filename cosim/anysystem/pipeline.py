@@ -1,6 +1,8 @@
 """The diagnosis of any system, on one page: cut, drive each group by what was measured, name, ask the neighbours."""
 
+import math
 from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -20,7 +22,7 @@ from cosim.anysystem.start import settable
 from cosim.anysystem.thin import alike, factors, loses_noise_alone, share, thinned
 from cosim.diagnosis.budget import Budget
 from cosim.diagnosis.thresholds import FEWEST_SAMPLES
-from cosim.errors import DataError, SimulationError
+from cosim.errors import DataError, OutOfTimeError, SimulationError
 from cosim.inference.problem import Problem
 from cosim.logs.log import whole_interval
 from cosim.ssp.system import NUMERIC, Port, System, Value
@@ -33,6 +35,8 @@ Watch = Callable[[str], None]
 WINDOWS = 30  # a log is cut into, of which every third is held out
 SHOWN = 10  # inputs that a sentence lists
 SEARCHED = 0.85  # of the time allowed, until which groups are judged
+GRACE = 0.05  # of it: beyond its stage a run may take so much, since what was begun mostly ends soon,
+BRIEFLY = 2.0  # s, and all together at least so much: a few short runs tell how a model is as it is
 AS_GOOD = 2.0  # times a reading's noise: a model that leaves no more of it takes the reading's place
 LEAST_GAIN = 0.05  # below it a reading holds more noise than signal
 UNEVEN = 0.01  # of an interval
@@ -270,8 +274,10 @@ def diagnose_system(
         trust.free[name] = value_of(system, name) or 0.0
     theirs = [own for group in groups for own in cuts.own[group.name].values()]
     runs.load(list(dict.fromkeys(unit for own in theirs for unit in own.units)))
-    runs.stop = found.budget.end
-    thin(found, runs, trust, options)
+    runs.stop, runs.left = found.budget.end, lambda: found.budget.left(GRACE, BRIEFLY)
+    found.budget.allow(SEARCHED)
+    with suppress(OutOfTimeError):  # said of each group
+        thin(found, runs, trust, options)
     for segment in found.segments:
         for name in segment.signals.keys() & set(names):
             segment.driving[name] = still(segment.signals[name])
@@ -282,11 +288,17 @@ def diagnose_system(
                 found.unjudged[group.name] = found.budget.why
                 continue
             found.stage = f"judging {group.name}"
-            judge(found, group, runs, trust, options, watch)
+            try:
+                judge(found, group, runs, trust, options, watch)
+            except OutOfTimeError:
+                found.unjudged[group.name] = too_slow(found, group, runs)
         found.budget.allow(1.0)
         found.stage = found.stage if found.budget.ended else "asking the neighbours"
         for name in list(found.findings):
-            locate(found, name, trust, options)
+            try:
+                locate(found, name, trust, options)
+            except OutOfTimeError:
+                found.budget.leave_out(name, "whether a cause is of the output or of its reading")
     if not found.findings and found.budget.ended:
         raise KeyboardInterrupt
     if not found.findings:
@@ -296,14 +308,29 @@ def diagnose_system(
     found.stage = found.stage if found.budget.ended else "looking for the next experiment"
     with found.budget.searching():
         most = allowed(runs)
-        for name, finding in found.findings.items():
-            if finding.unexplained and not found.budget.over:
-                found.missing[name] = missing(
-                    finding.model, finding.problem, finding.chosen.fit.values, finding.spreads, most
-                )
-        found.proposal = propose(found, runs)
+        try:
+            for name, finding in found.findings.items():
+                if finding.unexplained and not found.budget.over:
+                    found.missing[name] = missing(
+                        finding.model, finding.problem, finding.chosen.fit.values, finding.spreads, most
+                    )
+            found.proposal = propose(found, runs)
+        except OutOfTimeError:
+            found.budget.leave_out("the system", "what is missing, and the next experiment")
+    runs.left = lambda: math.inf
     found.runs, found.steps = runs.count, runs.steps
     return found
+
+
+def too_slow(found: AnyDiagnosis, group: CutGroup, runs: Runs) -> str:
+    """Why nothing is known of a group: the time was over before its model as it is had been run as often as it takes."""
+    units = {unit for own in found.cuts.own[group.name].values() for unit in own.units}
+    times = [runs.took.get(unit.components, 0.0) for unit in units]
+    one = f"; one run of it takes {sum(times):.2g} s" if sum(times) > 0.0 else ""
+    return (
+        f"{found.budget.why} before it could be judged{one}, and a diagnosis makes hundreds of runs: allow more "
+        "time (--budget), or take a shorter log or one with fewer samples"
+    )
 
 
 def whole_outputs(found: AnyDiagnosis, group: CutGroup) -> list[str]:
@@ -345,7 +372,7 @@ def judge(
     search = Search(model, trust, options.exclude, options.causes, found.budget)
     found.notes += [
         f"{group.name} is not deterministic: two runs differ by {size:.3g} in {signal} (RMS), which counts as noise"
-        for signal, size in search.differs.items()
+        for signal, size in search.known.differs.items()
         if size > 0.0
     ]
     found.notes += [
@@ -362,14 +389,17 @@ def judge(
     if model.drives:
         model.segments = known_in(found, model, doubted)
         search = Search(model, trust, options.exclude, options.causes, found.budget)
-    finding = search.run()
-    if (
-        doubted and not found.budget.over and (finding.named or finding.unexplained)
-    ):  # the group's own causes may have swayed it: ask it again with them
-        search, finding = asked_again(found, search, finding, doubted, trust, options)
-    search, finding = driven_by_itself(found, search, finding, trust, options)
-    search, finding = taken_as_exact(found, search, finding, trust, options)
-    finding, *healthy = in_some_logs(found, search, finding, trust, options)
+    finding, healthy = search.run(), list[Finding]()
+    try:
+        if (
+            doubted and not found.budget.over and (finding.named or finding.unexplained)
+        ):  # the group's own causes may have swayed it: ask it again with them
+            search, finding = asked_again(found, search, finding, doubted, trust, options)
+        search, finding = driven_by_itself(found, search, finding, trust, options)
+        search, finding = taken_as_exact(found, search, finding, trust, options)
+        finding, *healthy = in_some_logs(found, search, finding, trust, options)
+    except OutOfTimeError:  # in the middle of a run: what was found before stands
+        found.budget.leave_out(group.name, "another look with other drives, parameters or logs")
     if group.source and len(found.groups) > 1 and finding.unexplained and not finding.named:
         found.unjudged[group.name] = (
             "nothing enters it, and the log holds something else than it plays: taken as given"
@@ -382,17 +412,18 @@ def judge(
             "measure it, or give its value in the mapping ([diagnose] constant)"
         )
         return
-    found.findings[group.name] = finding
-    found.notes += [f"{group.name}: a candidate was refused: {text}" for text in search.problem.failures]
-    beyond = far_off(finding)
-    found.notes += at_limits(finding) + own_steps(finding) + beyond
-    found.advice += beyond
-    if finding.unexplained:
-        return
-    for one in (finding, *healthy):
-        for signal, _ in group.judged:
-            for k, series in behind(one, signal).items():
-                one.model.segments[k].driving[signal] = series
+    with runs.uncut():  # it is told, whatever the time
+        found.findings[group.name] = finding
+        found.notes += [f"{group.name}: a candidate was refused: {text}" for text in search.problem.failures]
+        beyond = far_off(finding)
+        found.notes += at_limits(finding) + own_steps(finding) + beyond
+        found.advice += beyond
+        if finding.unexplained:
+            return
+        for one in (finding, *healthy):
+            for signal, _ in group.judged:
+                for k, series in behind(one, signal).items():
+                    one.model.segments[k].driving[signal] = series
 
 
 def model_of(
@@ -501,7 +532,7 @@ def in_some_logs(
         f"{listed([a.words for a in theirs.named])}: in {listed(wrong)} alone; {said} and "
         f"{'contradicts' if len(right) == 1 else 'contradict'} it"
     )
-    return [theirs, Finding(without.model, without.problem, without.null, without.null)]
+    return [theirs, Finding(without.model, without.problem, without.known.null, without.known.null)]
 
 
 def listed(words: Sequence[str]) -> str:
@@ -681,7 +712,7 @@ def known_in(found: AnyDiagnosis, model: GroupModel, doubted: Doubted) -> list[S
 def heard(found: AnyDiagnosis, search: Search, doubted: Doubted) -> None:
     """Ask whether it is the reading that is off: then the quantity before the effect drives the group from here on."""
     for name, action, signal, series in doubted:
-        vote = vote_of(search.problem, search.model, search.null.fit.values, signal, series)
+        vote = vote_of(search.problem, search.model, search.known.null.fit.values, signal, series)
         if vote is None:
             continue
         found.votes.setdefault((name, action), {})[search.model.group.name] = vote
@@ -729,7 +760,9 @@ def driven_by_itself(
     The noise of such a reading would else go through the components behind it and look like a fault of theirs.
     """
     begun = finding.nearest or finding.chosen
-    near = search.model.own - {s for s, _ in search.model.group.judged if search.leaves(s, begun) > AS_GOOD}
+    near = search.model.own - {
+        s for s, _ in search.model.group.judged if search.fits.leaves(s, begun) > AS_GOOD
+    }
     if not near or found.budget.over or not (finding.named or finding.unexplained):
         return search, finding
     segments = search.model.segments
@@ -738,10 +771,15 @@ def driven_by_itself(
     for signal in sorted(near, key=lambda s: places[s]):  # what comes first drives the others
         for k, series in behind(finding, signal, begun).items():
             segments[k].driving[signal] = series
-    other = Search(like(found, search.model), trust, options.exclude, options.causes, found.budget)
-    theirs = other.run()
-    if worth(theirs) > worth(finding) - CLOSE:
-        return other, theirs
+    try:
+        other = Search(like(found, search.model), trust, options.exclude, options.causes, found.budget)
+        theirs = other.run()
+        if worth(theirs) > worth(finding) - CLOSE:
+            return other, theirs
+    except OutOfTimeError:
+        found.budget.leave_out(
+            search.model.group.name, "whether readings that drive it should be the model's"
+        )
     for segment, driving in zip(segments, before, strict=True):
         segment.driving.update(driving)
     return search, finding

@@ -15,6 +15,11 @@ ON = 0.02  # of the step: so near to the grid a value lies on it
 FEW = 0.2  # distinct values per sample at most
 STALE = 0.01  # share of repeated samples from which they are no accident
 MISSED = 0.5  # of a reading's usual change: less than that at the end of repeated samples is nothing missed
+NEAR_BY = 100  # samples of about one size, in which a file's digits show
+WHOLE = 0.05  # of the last digit: changes are so near to whole ones where readings are written with that many digits,
+ON_DIGITS = 0.95  # of them
+DIGITS = 3  # last digits: noise that spans many changes by one, two or three of them each about as often as by none
+CHANCE = 4.0  # standard deviations of a count by which repeated samples must be more than chance makes them
 NOISY = 3e-4  # of the spread: with this much noise no two samples are alike
 
 
@@ -88,6 +93,26 @@ def jumps_after(series: Array, repeats: NDArray[np.bool_]) -> Array:
     return change[ends] / usual if usual > 0.0 else np.zeros(0)
 
 
+def by_chance(series: Array) -> float:
+    """How many samples of a noisy reading repeat the last one because of the digits with which it is written.
+
+    Noise that spans many last digits changes by one of them as often as by none; what is held repeats, and does not.
+    """
+    # a file may write fewer decimals of large numbers
+    change = np.abs(np.diff(series))[np.argsort(np.abs(series[1:]), kind="stable")]
+    expected = 0.0
+    for start in range(0, change.size, NEAR_BY):
+        own = change[start : start + NEAR_BY]
+        moved = own[own > 0.0]
+        if not moved.size:
+            continue
+        digit = float(moved.min())
+        steps = moved / digit
+        if np.mean(np.abs(steps - np.round(steps)) < WHOLE) >= ON_DIGITS:
+            expected += float(np.sum(np.round(steps) <= DIGITS)) / (2 * DIGITS)
+    return expected
+
+
 def stale_of(series: list[Array], model: list[Array]) -> Stale | None:
     """Repeated samples of a reading that is noisy, or whose model moves meanwhile; those of a machine at rest are none."""
     repeats = [np.concatenate([[False], np.diff(s) == 0.0]) & ~(resting(s) | rounded(s)) for s in series]
@@ -98,7 +123,11 @@ def stale_of(series: list[Array], model: list[Array]) -> Stale | None:
     count = sum(r.size for r in repeats if r.any())
     if not count:
         return None
-    share = sum(int(r.sum()) for r in repeats) / count
+    many = sum(int(r.sum()) for r in repeats)
+    chance = sum(by_chance(s) for s, r in zip(series, repeats, strict=True) if r.any())
+    if many <= chance + CHANCE * np.sqrt(max(chance, 1.0)):
+        return None
+    share = many / count
     if not STALE < share < 0.9:
         return None
     # what was missed meanwhile shows at once; a machine that stands, or begins to move, has missed nothing

@@ -7,7 +7,7 @@ from difflib import SequenceMatcher
 from pathlib import Path
 
 from cosim.anysystem.initial import Beginning, beginnings
-from cosim.anysystem.meant import Meaning, behind, clearly, conflicts
+from cosim.anysystem.meant import Meaning, behind, clearly, conflicts, kinds_of
 from cosim.anysystem.read import ends, heading, value_of
 from cosim.errors import DataError
 from cosim.logs.clocks import TIME_WORDS
@@ -157,8 +157,20 @@ def matches(
     }
     taken: dict[int, str] = {}
     doubts: dict[int, str] = {}
-    for k, port in sorted(scores, key=lambda pair: (scores[pair], pair[1] in feeds, *pair), reverse=True):
-        if scores[k, port] >= ALIKE and k not in taken and port not in taken.values():
+    # of columns that fit a name alike the description knows more, and what drives a model is rather a command
+    meaning = Meaning([label.short for label in labels], words, akin)
+    means = {
+        (k, port): (
+            round(meaning.fit(labels[k].short, *told[port]), 6),
+            port_of(system, port) in driving and "command" in kinds_of(labels[k].short),
+        )
+        for (k, port), score in scores.items()
+        if score >= ALIKE
+    }
+    for k, port in sorted(
+        means, key=lambda pair: (scores[pair], pair[1] in feeds, *means[pair], *pair), reverse=True
+    ):
+        if k not in taken and port not in taken.values():
             taken[k] = port
     for k, port in taken.items():
         others = [n for n in range(len(labels)) if n not in taken and n not in times]
@@ -445,18 +457,10 @@ def mapping_text(
             if not sure
         ]
     begins = beginnings_of(system, found, matched)
+    numbers = numbers_of(system, begins)
     read_in = {port: found.columns[k].unit or "" for k, port in taken.items()}
     lines += _start_lines(begins, read_in)
     told += [f"{b.connector} {began(b, read_in[b.connector])}" for b in begins if b.off]
-    from_log = {b.parameter for b in begins if b.parameter and b.off}
-    numbers = [
-        f"{c.name}.{v.name}"
-        for c in system.components.values()
-        for v in c.fmu.variables.values()
-        if settable(v)
-        and value_of(system, f"{c.name}.{v.name}") is not None
-        and f"{c.name}.{v.name}" not in from_log
-    ]
     lines += [
         "",
         "[diagnose]",
@@ -507,8 +511,15 @@ def began(start: Beginning, unit: str) -> str:
     at = f"begins at {start.reading:.4g} {unit}".rstrip()
     if start.parameter:
         return f"{at}: the model begins there by {start.parameter}{'' if start.named else ' (CHECK)'}"
-    own = f", the model at {start.model:.4g}" if start.model is not None else ""
-    return f"{at}{own}, and no parameter looks like its start: name one under [compare.start], or expect an offset"
+    if start.model is None:
+        return (
+            f"{at}; where the model begins the FMU does not say, and no parameter looks like its start: if it begins "
+            "elsewhere, name one under [compare.start]"
+        )
+    return (
+        f"{at}, the model at {start.model:.4g}, and no parameter looks like its start: name one under [compare.start], or "
+        "expect an offset"
+    )
 
 
 def _start_lines(begins: Sequence[Beginning], units: Mapping[str, str]) -> list[str]:
@@ -516,7 +527,11 @@ def _start_lines(begins: Sequence[Beginning], units: Mapping[str, str]) -> list[
     lines = []
     for b in begins:
         reading = f"the log begins at {b.reading:.4g} {units[b.connector]}".rstrip()
-        own = f", the model at {b.model:.4g}" if b.model is not None else ", the model elsewhere"
+        own = (
+            f", the model at {b.model:.4g}"
+            if b.model is not None
+            else "; where the model begins the FMU does not say"
+        )
         if b.parameter:
             sure = "" if b.named else "; its description says so: CHECK"
             mark = "" if b.off else "# "
@@ -550,6 +565,18 @@ def lacking(system: System, found: Overview, matched: Matches) -> str:
     if found.clock is None and found.interval is None:
         lacks.append("the interval between samples ('step', for which 0.001 s stands now)")
     return "; ".join(lacks)
+
+
+def numbers_of(system: System, begins: Sequence[Beginning]) -> list[str]:
+    """Parameters that may be trusted or fitted, ``component.parameter``; an initial value that the log gives is none."""
+    from_log = {b.parameter for b in begins if b.parameter and b.off}
+    names = [
+        f"{c.name}.{v.name}"
+        for c in system.components.values()
+        for v in c.fmu.variables.values()
+        if settable(v)
+    ]
+    return [name for name in names if name not in from_log and value_of(system, name) is not None]
 
 
 def settable(variable: Variable) -> bool:

@@ -14,6 +14,7 @@ from cosim.options import spelled_out
 
 if TYPE_CHECKING:
     from cosim.identify.answer import Answer
+    from cosim.identify.other_machine import Other
     from cosim.identify.run import Channel
     from cosim.logs import Log
 
@@ -79,19 +80,29 @@ def _all(logs: Iterable[Path], of: Part) -> list["Log"]:
     return [_read(log, of) for log in logs]
 
 
-def _taken(of: Known) -> tuple[dict[str, float], float | None]:
+def _taken(of: Known, other: "Other | None" = None) -> tuple[dict[str, float], float | None]:
     """The numbers taken as known, and the low-pass [Hz]."""
-    from cosim.identify.nominal import nominal
+    from cosim.identify.other_machine import known_beside
     from cosim.identify.texts import quantity
 
-    return nominal(of.get("settings") or []), quantity(of.get("cutoff"), "Hz", "--filter")
+    return known_beside(of.get("settings") or [], other), quantity(of.get("cutoff"), "Hz", "--filter")
 
 
-def _channel(of: Between) -> "Channel":
-    from cosim.identify.run import channel
+def _other(of: Part, logs: list["Log"]) -> "Other | None":
+    """The machine of the logs, where it is not the crane."""
+    from cosim.api.other import other_of
+
+    return other_of(of.get("mapping"), logs)
+
+
+def _channel(of: Between, logs: list["Log"], other: "Other | None") -> "Channel":
+    from cosim.identify.run import channel, channel_of
 
     _, cutoff = _taken(of)
-    return channel(of.get("block"), of.get("source"), of.get("target"), of.get("linear", False), cutoff)
+    named = of.get("block"), of.get("source"), of.get("target")
+    if other is not None and named == (None, None, None):
+        return channel_of(other, logs[0], of.get("linear", False), cutoff)
+    return channel(*named, of.get("linear", False), cutoff)
 
 
 @spelled_out
@@ -99,31 +110,30 @@ def everything(log: LogFile, **of: Unpack[Known]) -> "Answer":
     """Dead zone, valve, pressure and mechanics from one log, and one .ssv for the model."""
     from cosim.identify.run_design import all_answer
 
-    return all_answer(_read(log, of), *_taken(of))
+    loaded = _read(log, of)
+    other = _other(of, [loaded])
+    return all_answer(loaded, *_taken(of, other), other)
 
 
 @spelled_out
 def dead_zone(
-    log: LogFile,
+    logs: LogFiles,
     *,
     response: Annotated[
-        str | None, typer.Option(help="spool, p_load or slew [default: the first of these in the log].")
+        str | None,
+        typer.Option(help="spool, p_load or slew, or a machine's motion [default: the first in the log]."),
     ] = None,
     **of: Unpack[Known],
 ) -> "Answer":
     """Break points and slopes of the valve's dead zone, best from a slow ramp.
 
     Where the compensator was off, as in the source's own experiment, say so: --set compensator.d_plus=0 --set
-    compensator.d_minus=0.
+    compensator.d_minus=0. Of a machine that a mapping describes: the commands at which it does not move.
     """
-    from cosim.errors import UsageError
-    from cosim.identify.dead_zone import RESPONSES
-    from cosim.identify.run import dead_zone_answer
+    from cosim.api.identifying import dead_zone_of
 
-    if response is not None and response not in RESPONSES:
-        raise UsageError(f"--response '{response}': choose {', '.join(RESPONSES)}")
-    known, cutoff = _taken(of)
-    return dead_zone_answer(_read(log, of), known, response, cutoff)
+    _, cutoff = _taken(of)
+    return dead_zone_of(_all(logs, of), of.get("mapping"), of.get("settings") or [], response, cutoff)
 
 
 @spelled_out
@@ -146,11 +156,13 @@ def transfer_function(
     from cosim.identify.run import transfer_function_answer
     from cosim.identify.texts import structure
 
-    chosen = _channel(of)
+    loaded = _all(logs, of)
+    other = _other(of, loaded)
+    chosen = _channel(of, loaded, other)
     at_zero = chosen.integrators if integrators is None else integrators
     structures = [structure(text, at_zero, delay) for text in order or []]
-    known, _ = _taken(of)
-    return transfer_function_answer(_all(logs, of), chosen, structures, known)
+    known, _ = _taken(of, other)
+    return transfer_function_answer(loaded, chosen, structures, known, other)
 
 
 @spelled_out
@@ -178,7 +190,9 @@ def frf(
     from cosim.identify.run_frf import FrfRequest, frf_answer
     from cosim.identify.texts import angular, quantity, structure
 
-    chosen = _channel(of)
+    loaded = _all(logs, of)
+    other = _other(of, loaded)
+    chosen = _channel(of, loaded, other)
     wanted = FrfRequest(
         method=method,
         amplitude="extremes" if extremes else "least squares",
@@ -188,8 +202,8 @@ def frf(
         high=float("inf") if high is None else angular(high, "--high"),
         smooth=(smooth_order, smooth_window) if smooth else None,
     )
-    known, _ = _taken(of)
-    return frf_answer(_all(logs, of), chosen, known, wanted)
+    known, _ = _taken(of, other)
+    return frf_answer(loaded, chosen, known, wanted, other)
 
 
 @spelled_out
@@ -265,8 +279,10 @@ def observer(
     """State space, controllability, observability, root locus, and the observer's gain from its poles."""
     from cosim.identify.run_design import observer_answer
 
-    known, cutoff = _taken(of)
-    return observer_answer(None if log is None else _read(log, of), known, pole or [], cutoff)
+    loaded = None if log is None else _read(log, of)
+    other = None if loaded is None else _other(of, [loaded])
+    known, cutoff = _taken(of, other)
+    return observer_answer(loaded, known, pole or [], cutoff, other)
 
 
 def scaling(

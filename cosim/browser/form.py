@@ -2,14 +2,24 @@
 
 import re
 import tomllib
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from collections.abc import Mapping as Table
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from cosim.anysystem.start import began, beginnings_of, both_ways, entering, of_file, unit_of_connector
+from cosim.anysystem.initial import Beginning
+from cosim.anysystem.read import value_of
+from cosim.anysystem.start import (
+    began,
+    beginnings_of,
+    both_ways,
+    entering,
+    numbers_of,
+    of_file,
+    unit_of_connector,
+)
 from cosim.errors import UsageError
 from cosim.logs.guess import (
     DRIVERS,
@@ -27,12 +37,13 @@ from cosim.logs.mapping import Mapping, SignalColumn
 from cosim.logs.overview import Column, Overview
 from cosim.plots import thinned
 from cosim.signals import LOG_SIGNALS, SIGNALS
-from cosim.ssp.stated import in_si
-from cosim.ssp.system import System
+from cosim.ssp.stated import in_si, unit_in_words, without_unit
+from cosim.ssp.system import Port, System
 from cosim.system.graph import port_of
 
 POINTS = 160  # of a column's small picture
 OWN = "own"
+TOLERANCE = "1 %"  # of a parameter that is trusted and of which a mapping says no more
 DRIVE = "u"  # without the crane's command nothing can be simulated
 OF_MACHINES = {
     "torque": "N.m",
@@ -97,6 +108,27 @@ class TimeRow:
 
 
 @dataclass
+class NumberRow:
+    """A parameter of somebody's model, and how well it is known.
+
+    Attributes:
+        name: ``component.parameter``.
+        text: what the FMU says of it.
+        value: as the model has it, in `unit`.
+        unit: of the FMU, or as its description says; else empty.
+        trusted: how well it is known, such as ``2 %``; empty where it is taken as exact.
+        free: nobody knows it: it is fitted with every cause.
+    """
+
+    name: str
+    text: str
+    value: float
+    unit: str = ""
+    trusted: str = ""
+    free: bool = False
+
+
+@dataclass
 class Form:
     """Time and signals, as guessed or as a mapping file says.
 
@@ -106,6 +138,7 @@ class Form:
         least: at least one of these must be chosen too, with the words for them; empty where it does not matter.
         named: what the least are, in words.
         start: parameter that is the initial value of a signal that begins elsewhere than the model -> this signal.
+        numbers: parameters of somebody's model.
     """
 
     time: TimeRow
@@ -113,6 +146,7 @@ class Form:
     least: list[str] = field(default_factory=list)
     named: str = ""
     start: dict[str, str] = field(default_factory=dict)
+    numbers: list[NumberRow] = field(default_factory=list)
 
 
 def column_facts(column: Column) -> dict[str, Any]:
@@ -261,7 +295,36 @@ def connector_form(found: Overview, system: System) -> Form:
     start = {b.parameter: b.connector for b in begins.values() if b.parameter}
     rows.sort(key=lambda row: row.column is None)
     outputs = [row.signal for row in rows if row.signal not in system.inputs]
-    return Form(time_row(found), rows, outputs, "an output of a component", start)
+    return Form(
+        time_row(found),
+        rows,
+        outputs,
+        "an output of a component",
+        start,
+        number_rows(system, list(begins.values())),
+    )
+
+
+def number_rows(system: System, begins: Sequence[Beginning]) -> list[NumberRow]:
+    """The parameters of a system, each taken as exact."""
+    rows = []
+    for name in numbers_of(system, begins):
+        variable, value = system.variable(Port(*name.split(".", 1))), value_of(system, name)
+        if value is not None:
+            unit = variable.unit or unit_in_words(variable)
+            text = variable.description if variable.unit else without_unit(variable.description)
+            rows.append(NumberRow(name, text, value, unit))
+    return rows
+
+
+def known_in(numbers: Sequence[NumberRow], table: Table[str, Any]) -> None:
+    """Put into the rows what the table ``[diagnose]`` of a mapping says of parameters."""
+    trusted, free = table.get("trusted", {}), table.get("free", [])
+    for row in numbers:
+        if row.name in trusted:
+            own = trusted[row.name] if isinstance(trusted, dict) else None
+            row.trusted = TOLERANCE if own is None else own if isinstance(own, str) else f"{100.0 * own:g} %"
+        row.free = row.name in free
 
 
 def file_form(

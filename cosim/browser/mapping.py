@@ -5,7 +5,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from cosim.browser.form import OWN, Form, Row, find, named
+from cosim.browser.form import OWN, Form, Row, find, known_in, named
 from cosim.errors import UsageError
 from cosim.logs.overview import Overview, longest
 from cosim.ssp.stated import in_si
@@ -30,7 +30,8 @@ def mapping_of(given: Any, form: Form, found: Overview, base: Content) -> Conten
     """The content of a mapping file.
 
     Args:
-        given: ``{"time": {...}, "rows": {signal: {...}}}`` as it comes from the page; nothing in it is trusted.
+        given: ``{"time": {...}, "rows": {signal: {...}}, "numbers": {parameter: {...}}}`` as the page has it; nothing in it
+            is trusted.
         form: the form that was shown.
         found: the log.
         base: what else the mapping says: the model, or all that a dropped file said.
@@ -83,6 +84,9 @@ def mapping_of(given: Any, form: Form, found: Overview, base: Content) -> Conten
         compare = made.get("compare", {})
         if own:
             made["compare"] = {**compare, key: {**own, **compare.get(key, {})}}
+    if form.numbers:
+        made["diagnose"] = {**base.get("diagnose", {}), **_known(given.get("numbers", {}), form)}
+        made["diagnose"] = {key: value for key, value in made["diagnose"].items() if value not in ({}, [])}
     if "held_out" in base:  # of what has a column now
         known = entries.keys() | ({"time"} if "column" in clock else set())
         made["held_out"] = {name: column for name, column in base["held_out"].items() if name in known}
@@ -98,10 +102,42 @@ def remember(form: Form, content: Content, found: Overview) -> None:
             row.unit, row.gain, row.zero = entry["unit"], entry["gain"], entry["zero"]
             row.reversed = entry["sign"] < 0
             row.held = entry.get("held", row.held)
+    known_in(form.numbers, content.get("diagnose", {}))
     if not form.time.own:
         named = content["time"].get("column")
         form.time.column = None if named is None else find(found, named)
         form.time.step, form.time.unit = content["time"].get("step"), content["time"]["unit"]
+
+
+def _known(given: Any, form: Form) -> Content:
+    """The parameters that are trusted to a tolerance, and those that are fitted."""
+    sent = _table(given, "parameters")
+    trusted: dict[str, str] = {}
+    free: list[str] = []
+    for row in form.numbers:
+        own = _table(sent.get(row.name, {}), row.name)
+        text = own.get("trusted", row.trusted)
+        if own.get("free", row.free) is True:
+            free.append(row.name)
+        elif not isinstance(text, str) or len(text) > MOST:
+            raise FormError(f"{row.name}: how well it is known must be a text such as 2 %", row.name)
+        elif text.strip():
+            trusted[row.name] = _tolerance(text.strip(), row.name)
+    return {"trusted": trusted, "free": free}
+
+
+def _tolerance(text: str, name: str) -> str:
+    """A tolerance as a mapping has it: a bare number is one in per cent."""
+    bare = text.replace(",", ".").removesuffix("%").strip()
+    try:
+        value = float(bare)
+    except ValueError:
+        raise FormError(
+            f"{name}: '{text[:40]}' does not say how well it is known: write a share such as 2 %", name
+        ) from None
+    if not 0.0 < value < 1000.0:
+        raise FormError(f"{name}: it cannot be known to '{text[:40]}': write a share such as 2 %", name)
+    return f"{bare} %"
 
 
 def _scaling(sent: Content, row: Row) -> Content:

@@ -207,6 +207,17 @@ function timeRow(time) {
   return line;
 }
 
+function numberRow(row) {
+  const trusted = field("trusted", said("How well {name} is known", row), row.trusted, {placeholder: said("exactly")});
+  const free = element("input", {type: "checkbox", "data-kind": "free", checked: row.free, "aria-label": said("{name} is not known", row)});
+  const refresh = () => { trusted.disabled = free.checked; };
+  free.addEventListener("change", refresh);
+  refresh();
+  return element("tr", {"data-number": row.name}, element("th", {scope: "row"}, row.name, element("small", {}, row.text)),
+    element("td", {}, `${number(row.value)} ${row.unit === "1" ? "" : row.unit}`.trim()), element("td", {}, trusted), element("td", {}, free));
+}
+
+const numbers = () => [...document.querySelectorAll("tr[data-number]")];
 const lines = () => [...document.querySelectorAll("tr[data-signal]")];
 
 function unused() {
@@ -252,11 +263,14 @@ function showForm() {
   $("more-rows").replaceChildren(...rest.map(signalRow));
   $("more").hidden = !rest.length;
   $("more").querySelector("summary").textContent = said("Signals without a column ({count})", {count: rest.length});
+  $("number-rows").replaceChildren(...form.numbers.map(numberRow));
+  $("numbers").hidden = !form.numbers.length;
+  $("numbers").querySelector("summary").textContent = said("Parameters of the model ({count}): which may be wrong?", {count: form.numbers.length});
   for (const line of lines()) line.refresh();
 }
 
 // what was chosen by hand outlives another language or one more file
-const parts = () => lines().flatMap(line => [...line.querySelectorAll("select, input")].map(part => [`${line.dataset.signal} ${part.dataset.kind ?? ""}`, part]));
+const parts = () => [...lines(), ...numbers()].flatMap(line => [...line.querySelectorAll("select, input")].map(part => [`${line.dataset.signal ?? line.dataset.number} ${part.dataset.kind ?? ""}`, part]));
 
 function chosen() {
   if (!state?.form || !state.log) return null;
@@ -268,6 +282,7 @@ function choose(before) {
   if (before === null || chosen()?.of !== before.of) return;
   for (const [key, part] of parts()) if (before.values.has(key)) { if (part.type === "checkbox") part.checked = before.values.get(key); else part.value = before.values.get(key); }
   for (const line of lines()) line.refresh();
+  for (const line of numbers()) line.querySelector("[data-kind=trusted]").disabled = line.querySelector("[data-kind=free]").checked;
 }
 
 function filled() {
@@ -280,7 +295,8 @@ function filled() {
     if (line.dataset.signal === "time") time = {column, own: choice === "own", unit: get("unit").value, step: get("step").value};
     else rows[line.dataset.signal] = {column, unit: get("unit").value, gain: get("gain").value, zero: get("zero").value, reversed: get("reversed").checked, held: get("held")?.checked};
   }
-  return {time, rows, calibrate: $("calibrate").checked, budget: $("budget").value};
+  const known = Object.fromEntries(numbers().map(line => [line.dataset.number, {trusted: line.querySelector("[data-kind=trusted]").value, free: line.querySelector("[data-kind=free]").checked}]));
+  return {time, rows, numbers: known, calibrate: $("calibrate").checked, budget: $("budget").value};
 }
 
 // diagnosis
@@ -296,6 +312,8 @@ $("diagnose").addEventListener("click", async () => {
     $("diagnose").disabled = false;
     const line = lines().find(l => l.dataset.signal === error.row);
     if (line) { line.closest("details")?.setAttribute("open", ""); line.classList.add("wrong"); line.querySelector("select").focus(); }
+    const known = numbers().find(l => l.dataset.number === error.row);
+    if (known) { known.closest("details").setAttribute("open", ""); known.querySelector("input").focus(); }
     if (error.row === "budget") $("budget").focus();
   }
 });

@@ -25,6 +25,7 @@ from cosim.browser.form import (
     connector_form,
     crane_form,
     file_form,
+    known_in,
     log_facts,
     machine_form,
     machine_of,
@@ -486,7 +487,10 @@ class Session:
             machine = machine_table(self._plain, "the mapping") if self._plain.machine else None
             ends = () if machine is None else (machine.input, machine.output)
             own = machine_form(found) if machine is not None else self._form_of_model(found)
-            return file_form(found, self._plain, ends, {row.signal: row for row in own.rows})
+            made = file_form(found, self._plain, ends, {row.signal: row for row in own.rows})
+            made.numbers = own.numbers
+            known_in(made.numbers, self._content.get("diagnose", {}))
+            return made
         self._ports = self._is_foreign(found)
         return self._form_of_model(found)
 
@@ -529,6 +533,8 @@ class Session:
             and "model" not in base
         ):
             raise FormError(f"the mapping names the model '{self._plain.model}': drop that file too")
+        if model is not None and self._ports:
+            base.setdefault("model", model.name if model.ours else str(model.path.resolve()))
         if external is not None and any(b.role == MORE for b in self._beside):
             raise FormError(
                 "the tracker goes with one log: remove it or the other logs, or take these to judge on"

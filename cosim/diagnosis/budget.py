@@ -25,19 +25,31 @@ class Budget:
     def __init__(self, seconds: float = math.inf, clock: Callable[[], float] = time.monotonic) -> None:
         self.seconds = seconds
         self._clock, self._begin = clock, clock()
-        self._until = math.inf
+        self._until = self._stage = self._first = math.inf
         self._searching = False
         self.ended = False
         self._left_out: dict[str, dict[str, int]] = {}
 
     def allow(self, share: float) -> None:
         """What follows may take until this share of the whole span is gone."""
-        self._until = self._begin + share * self.seconds
+        self._until = self._stage = self._begin + share * self.seconds
+        self._first = min(self._first, self._clock())
 
     @property
     def over(self) -> bool:
         """True if the stage that runs must end."""
         return self.ended or self._clock() >= self._until
+
+    def left(self, grace: float, least: float) -> float:
+        """How long what runs may take until it is cut off, s: without bound once somebody has ended the time.
+
+        Args:
+            grace: share of the span that it may take beyond its stage.
+            least: time that all stages together have at least from the first one on, s.
+        """
+        if self.ended or self.seconds == math.inf:
+            return math.inf
+        return max(self._stage + grace * self.seconds, self._first + least) - self._clock()
 
     @property
     def gone(self) -> bool:

@@ -12,7 +12,8 @@ from cosim.errors import UsageError
 from cosim.files import write_bytes, write_text
 from cosim.identify.estimate import Quantity
 from cosim.identify.nominal import declared
-from cosim.lexicon import current
+from cosim.lexicon import CRANE, Lexicon, current, named, speaking
+from cosim.report.names import kind_of_motion
 from cosim.ssp.write import values_xml
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ class Answer:
         notes: warnings.
         draw: makes the picture.
         texts: further files, name -> text.
+        lexicon: units and words of the machine.
     """
 
     kind: str
@@ -50,6 +52,7 @@ class Answer:
     notes: list[str] = field(default_factory=list)
     draw: "Callable[[], Figure] | None" = None
     texts: dict[str, str] = field(default_factory=dict)
+    lexicon: Lexicon = CRANE
 
     @property
     def synthetic(self) -> bool:
@@ -58,7 +61,11 @@ class Answer:
 
     def summary(self) -> list[str]:
         """The answer in a few lines: each parameter with its interval in the unit people read, and the sentences."""
-        found = list(self.brief)
+        with speaking(self.lexicon):
+            return [*self.brief, *self._numbers(), *self.lines]
+
+    def _numbers(self) -> list[str]:
+        found = []
         for name, quantity in self.parameters.items():
             unit, scale = current().quantity(quantity.unit, declared(name).display)
             low, high = sorted(end * scale for end in quantity.interval)
@@ -67,8 +74,10 @@ class Answer:
             digits = _digits(value, high - low)
             # a choice has no interval
             known = f", {low:.{digits}g} to {high:.{digits}g} (95 %)" if low < high else ""
-            found.append(f"{name} = {value:.{digits}g}{shown}{known}: {_within(declared(name).text)}")
-        return found + self.lines
+            found.append(
+                f"{name} = {value:.{digits}g}{shown}{known}: {_within(kind_of_motion(declared(name).text))}"
+            )
+        return found
 
     def next_step(self, written: Mapping[str, Path]) -> str:
         """What to type next with the numbers; empty where there is nothing."""
@@ -84,7 +93,7 @@ class Answer:
 
     def as_data(self, files: Mapping[str, Path]) -> dict[str, Any]:
         """The JSON object."""
-        found = {name: q.as_data() for name, q in self.parameters.items()}
+        found = {name: _in_words_of(self.lexicon, q).as_data() for name, q in self.parameters.items()}
         return {
             "identify": self.kind,
             **self.data,
@@ -97,6 +106,14 @@ class Answer:
 def _within(text: str) -> str:
     """A description as it goes on within a sentence: "Time constant" -> "time constant", "J of ..." as it is."""
     return text[:1].lower() + text[1:] if text[1:2].islower() else text
+
+
+def _in_words_of(lexicon: Lexicon, quantity: Quantity) -> Quantity:
+    """The same number in the unit that a machine has for it: an inertia of an axis that moves along a line is a mass."""
+    if quantity.unit not in lexicon.units:
+        return quantity
+    unit, scale = named(lexicon.units[quantity.unit])
+    return Quantity(quantity.value * scale, quantity.deviation * scale, quantity.freedom, unit)
 
 
 def _digits(value: float, width: float) -> int:

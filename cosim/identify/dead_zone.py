@@ -31,6 +31,8 @@ HIGHEST = 40.0  # Hz
 REACH = 0.05  # of full command: a side that x does not enter by so much is not judged
 SCALES = (0.05, 20.0)  # of the chain's time
 SEARCH_POINTS = 3000
+HELD_OUT_PARTS = 5  # of a log, predicted from the others in turn
+NONE = 1e-4  # of full command: a dead zone that is none
 GRID = np.linspace(0.04, 0.92, 12)  # of the way to the largest x, where the search for a break point begins
 
 
@@ -166,9 +168,14 @@ def _start(model: _Model, sides: list[str]) -> tuple[Array, tuple[Array, Array]]
         left = np.linalg.lstsq(matrix, y[keep], rcond=None)[1]
         if left.size and left[0] < best:
             best, theta = float(left[0]), np.array([*edges, 0.0])
-    low = [1e-4 if side == "right" else float(x.min()) for side in sides]
-    high = [float(x.max()) if side == "right" else -1e-4 for side in sides]
-    return theta, (np.array([*low, np.log(SCALES[0])]), np.array([*high, np.log(SCALES[1])]))
+    return theta, _bounds(model.item.input, sides)
+
+
+def _bounds(x: Array, sides: list[str]) -> tuple[Array, Array]:
+    """Lowest and highest break points and time scale."""
+    low = [NONE if side == "right" else float(x.min()) for side in sides]
+    high = [float(x.max()) if side == "right" else -NONE for side in sides]
+    return np.array([*low, np.log(SCALES[0])]), np.array([*high, np.log(SCALES[1])])
 
 
 def _check(found: Fit, sides: list[str], x: Array, log: Log) -> None:
@@ -212,3 +219,47 @@ def _result(found: Fit, model: _Model, taken: str, item: Record, sides: list[str
     best = 100.0 * (1.0 - float(np.linalg.norm(e) / np.linalg.norm(y - y.mean())))
     offset = None if taken == "slew" else found.derived(lambda theta, b: float(b[-1]), unit)
     return DeadZone(taken, judged, offset, lag, model.lag, best, item, simulated, tuple(notes))
+
+
+def predicted_dead_zone(
+    found: DeadZone, known: Mapping[str, float], cutoff: float | None = None
+) -> tuple[float, float]:
+    """Best fit % of parts of the log, each predicted from the others: with the dead zone, and without one.
+
+    Args:
+        found: the dead zone of the whole log.
+        known: nominal numbers with which it was found.
+        cutoff: low-pass [Hz] with which it was found.
+    """
+    item, sides = found.record, list(found.sides)
+    model = _Model(item, found.response, known, sides, cutoff)
+    scale = float(np.log(found.lag.value / model.lag))
+    edges = np.array([found.sides[side]["break_point"].value for side in sides])
+    shut = np.array([NONE if side == "right" else -NONE for side in sides])
+    # the first part, in which the log's start is seen, is never left out
+    part = np.arange(item.output.size) * (HELD_OUT_PARTS + 1) // item.output.size
+    fits = []
+    for start in (edges, shut):
+        free = np.abs(start) > NONE
+        off = np.zeros_like(item.output)
+        for k in range(1, HELD_OUT_PARTS + 1):
+            keep = item.keep & (part != k)
+            low, high = _bounds(item.input, sides)
+            low[:-1], high[:-1] = (
+                np.where(free, low[:-1], shut - NONE),
+                np.where(free, high[:-1], shut + NONE),
+            )
+            own = fit(
+                [Series(item.output, item.step, keep, item.name)],
+                model,
+                np.clip(np.append(start, scale), low, high),
+                highest=HIGHEST,
+                bounds=(low, high),
+            )
+            rows, free_motion = model(own.theta, 0)
+            told = own.shared @ rows + own.own[0] @ free_motion
+            off[part == k] = (item.output - told)[part == k]
+        judged = item.keep & (part > 0)
+        y, e = item.output[judged], off[judged]
+        fits.append(100.0 * (1.0 - float(np.linalg.norm(e) / np.linalg.norm(y - y.mean()))))
+    return fits[0], fits[1]

@@ -132,6 +132,11 @@ def static(command: Array, x: Array) -> Array:
     return np.asarray(right - left)
 
 
+def ways(logs: Sequence[Fine], x: Array) -> Array:
+    """(k,) speed over each stretch of each log, by the numbers (8,) of a drive."""
+    return np.concatenate([log.ways(static(log.held, x), float(x[6]), float(x[7])) for log in logs])
+
+
 def begin(logs: Sequence[Fine], goal: Array) -> Array:
     """Rough numbers: dead zone where the drive stands, slopes and top speeds of what moves."""
     command = commands(logs)
@@ -170,8 +175,18 @@ def fitted(
     begun: Array,
     kept: NDArray[np.bool_],
     typical: float | None = None,
+    *,
+    still: bool = True,
 ) -> tuple[Array, float, Array]:
     """The numbers (dead zone, slopes, tops, lag, delay), the typical error of the speed over a stretch, and how sure.
+
+    Args:
+        logs: of one drive.
+        goal: (k,) its speed over each stretch.
+        begun: (8,) numbers to begin with.
+        kept: (k,) stretches that count.
+        typical: error; learned where it is not given.
+        still: whether there may be a dead zone.
 
     Returns:
         the numbers (8,), the typical error, and standard deviations (8,) by the curvature of the errors: without bound
@@ -183,12 +198,13 @@ def fitted(
     low = np.array([-size, 0, 0.01 * flat, 0.01 * flat, -3 * fastest, 0.01 * fastest, 0.025 * usual, 0])
     slowest, latest = max(2.0, 20.0 * usual), max(0.5, 4.0 * usual)  # s
     high = np.array([0, size, 50 * flat, 50 * flat, -0.01 * fastest, 3 * fastest, slowest, latest])
+    if not still:
+        low[0], high[1] = -1e-6 * size, 1e-6 * size
     scale = np.array([0.1 * size, 0.1 * size, flat, flat, fastest, fastest, usual, usual])
     x = np.clip(begun, low + 1e-9 * scale, high - 1e-9 * scale)
 
     def off(x: Array) -> Array:
-        ways = [log.ways(static(log.held, x), float(x[6]), float(x[7])) for log in logs]
-        return np.asarray((goal - np.concatenate(ways))[kept])
+        return np.asarray((goal - ways(logs, x))[kept])
 
     learn = typical is None
     moving = np.abs(goal) > MOVING * fastest  # at rest everything fits

@@ -75,6 +75,8 @@ class Mechanics:
         used: (n,), the samples in motion that counted.
         acceleration, velocity: (n,) [rad/s2], [rad/s], low-passed.
         fit: of the torque in these samples up to that frequency, 100 (1 - |y - yhat| / |y|).
+        held_out: the same of parts of the log, each predicted from the others.
+        without_friction: the same with inertia and viscous friction alone.
     """
 
     motion: Motion
@@ -85,6 +87,8 @@ class Mechanics:
     acceleration: Array
     velocity: Array
     fit: float
+    held_out: float
+    without_friction: float
 
     def torque(self) -> Array:
         """The torque (n,) [N m] that the found numbers ask for."""
@@ -135,6 +139,8 @@ def identify_mechanics(motion: Motion, highest: float | None = None) -> Mechanic
         rows[0],
         rows[1],
         problem.fit(found),
+        problem.held_out(found),
+        problem.held_out(found, ("J", "b")),
     )
 
 
@@ -254,3 +260,24 @@ class _Problem:
         values = np.array([found[name].value if name in found else 0.0 for name in UNITS])
         left = self.torque_numbers - values @ self.row_numbers
         return 100.0 * (1.0 - float(np.linalg.norm(left) / np.linalg.norm(self.torque_numbers)))
+
+    def held_out(self, found: Mapping[str, Quantity], names: Sequence[str] = ()) -> float:
+        """The same of parts of the log, each predicted by the numbers `names` that the others show, in percent.
+
+        The instruments are those of the whole log: they are simulated, and know nothing of the noise of a part.
+        """
+        taken = [n for n in UNITS if n in (names or found)]
+        places = [list(UNITS).index(name) for name in taken]
+        made = self._simulated(taken, np.array([found[name].value for name in taken]))[places]
+        left, whole = 0.0, 0.0
+        for part in self.parts:
+            inside = np.zeros(self.used.size, dtype=bool)
+            inside[part] = True
+            outer, inner = ~inside, inside
+            instruments, rows = self.numbers(made * outer), self.numbers(self.rows[places] * outer)
+            torque = self.numbers(self.motion.torque * outer)
+            own = np.linalg.pinv(instruments @ rows.T) @ (instruments @ torque)
+            measured = self.numbers(self.motion.torque * inner)
+            left += float(np.sum((measured - own @ self.numbers(self.rows[places] * inner)) ** 2))
+            whole += float(np.sum(measured**2))
+        return 100.0 * (1.0 - float(np.sqrt(left / whole)))

@@ -1,6 +1,6 @@
 """The numbers that an identification takes as known: the nominal ones of ssp/nominal, or the user's own."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,8 +38,8 @@ def declared(name: str) -> Variable:
     return found[parameter]
 
 
-def nominal(settings: Iterable[str] = ()) -> dict[str, float]:
-    """``component.parameter`` -> SI, from ssp/nominal, those of `settings` (``dcv.K=2.4 mm``) replaced.
+def nominal(settings: Iterable[str] = (), own: Mapping[str, float] | None = None) -> dict[str, float]:
+    """``component.parameter`` -> SI, from ssp/nominal, those of `own` and of `settings` (``dcv.K=2.4 mm``) replaced.
 
     Raises:
         UsageError: a setting is malformed or unknown.
@@ -50,6 +50,7 @@ def nominal(settings: Iterable[str] = ()) -> dict[str, float]:
         for component in COMPONENTS
         for name, value in read_values(ssp_folder() / "nominal" / f"{component}.ssv").items()
     }
+    found |= own or {}
     for text in settings:
         name, equals, quantity = (part.strip() for part in text.partition("="))
         if not equals or not quantity:

@@ -11,8 +11,9 @@ from cosim.identify.answer import COLUMNS, Answer, parameter_table
 from cosim.identify.blocks import form, parameters
 from cosim.identify.candidates import HELD_OUT, Choice, compare_structures
 from cosim.identify.data import Record, record
-from cosim.identify.dead_zone import DeadZone, identify_dead_zone
+from cosim.identify.dead_zone import HELD_OUT_PARTS, DeadZone, identify_dead_zone, predicted_dead_zone
 from cosim.identify.estimate import Quantity
+from cosim.identify.other_machine import Other
 from cosim.identify.smooth_dead_zone import SmoothDeadZone, smooth_dead_zone
 from cosim.identify.transfer_function import Structure, TransferFunction, fit_records
 from cosim.logs import Log
@@ -29,6 +30,7 @@ class Channel:
         target: output signal.
         linear: take u without compensator and dead zone.
         cutoff: low-pass [Hz] on both, or None.
+        integrates: whether the target is the integral of what follows the source; None: as on the crane.
     """
 
     block: str
@@ -36,10 +38,13 @@ class Channel:
     target: str
     linear: bool = False
     cutoff: float | None = None
+    integrates: bool | None = None
 
     @property
     def integrators(self) -> int:
         """Poles at 0 between the two signals: the slew angle is an integral."""
+        if self.integrates is not None:
+            return int(self.integrates)
         return int(self.target == "slew" and self.source != "slew")
 
     def __str__(self) -> str:
@@ -72,6 +77,22 @@ def channel(
     return Channel("", source, target, linear, cutoff)
 
 
+def channel_of(other: Other, log: Log, linear: bool = False, cutoff: float | None = None) -> Channel:
+    """The channel from a machine's command to its motion."""
+    return Channel("", other.command, other.motion, linear, cutoff, other.integrates(log))
+
+
+def rows_of(chosen: Channel, other: Other | None) -> tuple[Structure, ...]:
+    """Structures that are tried where none are asked for."""
+    if chosen.block:
+        return form(chosen.block).rows
+    count = chosen.integrators
+    if other is None or chosen.integrates is None:
+        return (Structure(1 + count, 0, count),)
+    # a lag, two, and a zero: of its slopes the drive shows no more
+    return tuple(Structure(poles + count, zeros, count) for poles, zeros in ((1, 0), (2, 0), (2, 1), (3, 0)))
+
+
 def records_of(logs: Sequence[Log], chosen: Channel, known: Mapping[str, float]) -> list[Record]:
     """The channel's record of each log."""
     return [
@@ -80,8 +101,10 @@ def records_of(logs: Sequence[Log], chosen: Channel, known: Mapping[str, float])
     ]
 
 
-def model_of(values: Mapping[str, Quantity]) -> str:
-    """Our system that takes the numbers."""
+def model_of(values: Mapping[str, Quantity], other: Other | None = None) -> str:
+    """Our system that takes the numbers; none takes those of another machine."""
+    if other is not None:
+        return ""
     return "simplified" if any(name.startswith("simplified.") for name in values) else "full_order"
 
 
@@ -99,7 +122,11 @@ def log_data(logs: Sequence[Log]) -> dict[str, Any]:
 
 
 def dead_zone_answer(
-    log: Log, known: Mapping[str, float], response: str | None, cutoff: float | None
+    log: Log,
+    known: Mapping[str, float],
+    response: str | None,
+    cutoff: float | None,
+    other: Other | None = None,
 ) -> Answer:
     """The dead zone from a slow ramp, or any log with command and response."""
     found = identify_dead_zone(log, known, response=response, cutoff=cutoff)
@@ -120,12 +147,28 @@ def dead_zone_answer(
             if (of := found.sides.get(side))
         },
     }
-    answer = Answer("dead-zone", data, values, notes=list(found.notes), model="full_order")
+    held_out = predicted_dead_zone(found, known, cutoff)
+    data["held_out_percent"] = {"as_found": held_out[0], "without_dead_zone": held_out[1]}
+    answer = Answer("dead-zone", data, values, notes=list(found.notes), model=model_of({}, other))
+    if other is not None:
+        answer.following, answer.lexicon = other.following(log), other.lexicon
     title = f"dead zone from {found.response}, best fit {found.best_fit:.2f} %"
     answer.tables.append((title, COLUMNS, parameter_table(values, nominal)))
     low, high = found.lag.interval
+    known_lag = f", nominal {found.nominal_lag * 1e3:.4g} ms" if other is None else ""
     answer.lines.append(
-        f"lag {found.lag.value * 1e3:.4g} ms ({low * 1e3:.4g} to {high * 1e3:.4g}), nominal {found.nominal_lag * 1e3:.4g} ms"
+        f"lag {found.lag.value * 1e3:.4g} ms ({low * 1e3:.4g} to {high * 1e3:.4g}){known_lag}"
+    )
+    d_plus, d_minus = (known[f"compensator.{name}"] for name in ("d_plus", "d_minus"))
+    if d_plus or d_minus:
+        answer.lines.append(
+            f"break points are those behind the compensator, which adds {d_plus * 100:.4g} % to the right and "
+            f"{d_minus * 100:.4g} % to the left of what the log calls u; without one: --set compensator.d_plus=0 --set "
+            "compensator.d_minus=0"
+        )
+    answer.lines.append(
+        f"How well it fits: of {HELD_OUT_PARTS} parts of the log, each predicted from the others, it tells "
+        f"{held_out[0]:.4g} % of the {known_as(found.response)} (best fit); without a dead zone {held_out[1]:.4g} %"
     )
     try:
         _add_smooth(answer, smooth_dead_zone(found))
@@ -165,18 +208,15 @@ def dead_zone_parameters(found: DeadZone) -> dict[str, Quantity]:
 
 
 def transfer_function_answer(
-    logs: Sequence[Log], chosen: Channel, structures: Sequence[Structure], known: Mapping[str, float]
+    logs: Sequence[Log],
+    chosen: Channel,
+    structures: Sequence[Structure],
+    known: Mapping[str, float],
+    other: Other | None = None,
 ) -> Answer:
     """Transfer functions of several structures, and the one to use."""
     items = records_of(logs, chosen, known)
-    rows = tuple(structures)
-    if not rows:
-        rows = (
-            form(chosen.block).rows
-            if chosen.block
-            else (Structure(1 + chosen.integrators, 0, chosen.integrators),)
-        )
-    choice = compare_structures(items, rows)
+    choice = compare_structures(items, tuple(structures) or rows_of(chosen, other))
     choice.chosen.model.check_known()
     values, notes = _values(choice, chosen, known)
     data = {
@@ -192,7 +232,7 @@ def transfer_function_answer(
         "model": model_data(choice.chosen.model),
     }
     notes += record_notes(items) + [f"{name}: {text}" for name, text in choice.failed.items()]
-    answer = Answer("transfer-function", data, values, notes=notes, model=model_of(values))
+    answer = Answer("transfer-function", data, values, notes=notes, model=model_of(values, other))
     answer.tables.append(_candidate_table(choice, str(chosen)))
     if chosen.block and len(logs) > 1:
         by_log = _by_log(items, chosen, known, choice)
@@ -207,7 +247,9 @@ def transfer_function_answer(
     answer.brief = _sentences(choice, chosen)
     (answer.details if values else answer.lines).extend(pole_lines(choice.chosen.model))
     answer.following = (
-        "Next: --out DIR writes the picture of fit and residual; --verbose shows every candidate"
+        other.following(logs[0])
+        if other is not None
+        else "Next: --out DIR writes the picture of fit and residual; --verbose shows every candidate"
     )
     answer.draw = lambda: picture.transfer_function_figure(
         f"{chosen} in {items[0].name}", choice, chosen.target
@@ -236,7 +278,7 @@ def _values(
     if not chosen.block:
         return {}, []
     for row in [choice.chosen, *choice.candidates]:
-        values = parameters(chosen.block, row.model, known)
+        values = parameters(chosen.block, row.model, known) if row.determined else {}
         if values and row is choice.chosen:
             return values, []
         if values:
@@ -244,7 +286,10 @@ def _values(
                 f"the block {chosen.block} has the structure of {row.name}, not of the chosen {choice.chosen.name}: its"
                 f" parameters are those of {row.name}, and {100 - row.held_out:.3g} % of the held-out part is left"
             ]
-    return {}, [f"no candidate has the structure of the block {chosen.block}: no parameter set is written"]
+    return {}, [
+        f"no candidate whose poles the log determines has the structure of the block {chosen.block}: no parameter set is"
+        " written"
+    ]
 
 
 def _row(row: Any) -> dict[str, Any]:

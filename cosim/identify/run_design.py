@@ -1,6 +1,7 @@
 """The subcommands of ``cosim identify`` that design or prepare: observer, scaling, experiment; and all blocks at once."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,8 @@ from cosim.identify.blocks import BLOCKS, form, parameters
 from cosim.identify.dead_zone import identify_dead_zone
 from cosim.identify.estimate import Quantity
 from cosim.identify.experiment import GRIDS, SINE_AMPLITUDE, Experiment, ramp, stepped_sine
-from cosim.identify.run import channel, dead_zone_parameters, log_data, record_notes, records_of
+from cosim.identify.other_machine import Other
+from cosim.identify.run import channel, dead_zone_parameters, log_data, model_of, record_notes, records_of
 from cosim.identify.scaling import (
     STANDARD,
     TABLES,
@@ -47,7 +49,9 @@ FULL_ORDER = ((4.582e5,), (1.0, 71.5, 2164.0, 3.673e4, 2.02e5, 0.0))  # (5.12), 
 CHAIN = ("dcv", "continuity", "mechanical")
 
 
-def all_answer(log: Log, known: Mapping[str, float], cutoff: float | None) -> Answer:
+def all_answer(
+    log: Log, known: Mapping[str, float], cutoff: float | None, other: Other | None = None
+) -> Answer:
     """Dead zone, valve, pressure and mechanics from one log, as far as it holds their signals.
 
     Raises:
@@ -85,12 +89,16 @@ def all_answer(log: Log, known: Mapping[str, float], cutoff: float | None) -> An
         fits[block] = model.best_fit
         notes += record_notes(items)
     if not fits:
-        raise DataError(
-            f"{log.source}: {'; '.join(left_out.values())}: no block can be identified. For u and slew alone take"
-            " `cosim identify transfer-function --block simplified`"
+        remedy = (
+            "For u and slew alone take `cosim identify transfer-function --block simplified`"
+            if other is None
+            else "`cosim identify drive` takes the machine's static curve from command and motion alone"
         )
+        raise DataError(f"{log.source}: {'; '.join(left_out.values())}: no block can be identified. {remedy}")
     data = {**log_data([log]), "best_fit_percent": fits, "left_out": left_out}
-    answer = Answer("all", data, values, notes=[*dict.fromkeys(notes)], model="full_order")
+    answer = Answer("all", data, values, notes=[*dict.fromkeys(notes)], model=model_of(values, other))
+    if other is not None:
+        answer.following = other.following(log)
     answer.tables.append((f"identified from {log.source.name}", COLUMNS, parameter_table(values, known)))
     answer.lines.append("best fit: " + ", ".join(f"{name} {value:.2f} %" for name, value in fits.items()))
     answer.lines += [f"{block} left out: {why}" for block, why in left_out.items()]
@@ -102,13 +110,25 @@ def all_answer(log: Log, known: Mapping[str, float], cutoff: float | None) -> An
 
 
 def observer_answer(
-    log: Log | None, known: Mapping[str, float], poles: Sequence[float], cutoff: float | None
+    log: Log | None,
+    known: Mapping[str, float],
+    poles: Sequence[float],
+    cutoff: float | None,
+    other: Other | None = None,
 ) -> Answer:
     """State space, its ranks, the observer's gain and the root locus; the drive from a log, or the nominal one (4.15)."""
     gain, pole = known["simplified.k"] / DEGREE, known["simplified.a"]
     origin, notes, found = "nominal (4.15)", [], {}
     if log is not None:
-        items = records_of([log], channel("simplified", None, None, cutoff=cutoff), known)
+        chosen = channel("simplified", None, None, cutoff=cutoff)
+        if other is not None:
+            log.require(other.motion, "the observer")
+            if log.units[other.motion] != "rad":
+                raise UsageError(
+                    f"{log.source}: the observer is of an angle, and '{other.motion}' is in {log.display[other.motion]}"
+                )
+            chosen = replace(chosen, source=other.command, target=other.motion, integrates=True)
+        items = records_of([log], chosen, known)
         model = fit_records(items, BLOCKS["simplified"].structure)
         model.check_known()
         found = parameters("simplified", model, known)
@@ -117,10 +137,9 @@ def observer_answer(
         notes = record_notes(items)
     plant = drive(gain, pole)
     observer = design_observer(plant, poles)
-    loci = {
-        "simplified (5.1)": root_locus([gain], [1.0, pole, 0.0]),
-        "full order (5.12)": root_locus(*FULL_ORDER),
-    }
+    loci = {"simplified (5.1)": root_locus([gain], [1.0, pole, 0.0])}
+    if other is None:
+        loci["full order (5.12)"] = root_locus(*FULL_ORDER)
     values = found | {
         name: Quantity(value, 0.0, 1.0, _unit(name)) for name, value in observer_values(observer).items()
     }
@@ -142,7 +161,9 @@ def observer_answer(
             for name, locus in loci.items()
         },
     }
-    answer = Answer("observer", data, values, notes=notes, model="full_order")
+    answer = Answer("observer", data, values, notes=notes, model=model_of({}, other))
+    if other is not None and log is not None:
+        answer.following = other.following(log)
     ends, gains = observer.poles, observer.gain
     answer.lines = [
         f"drive, {origin}: theta/u = {gain:.5g} / (s (s + {pole:.5g})), deg",

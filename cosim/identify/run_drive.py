@@ -12,6 +12,7 @@ from cosim.errors import DataError
 from cosim.identify.answer import Answer
 from cosim.identify.drive_curve import OF_ITS_OWN, DriveCurve, Estimate, drive_curve
 from cosim.identify.drive_fit import Run
+from cosim.identify.drive_held_out import Predicted, predicted
 from cosim.logs import Log, Mapping
 from cosim.units import factor, is_speed
 
@@ -258,28 +259,16 @@ def drive_answer(
     Raises:
         DataError: a log does not hold them, is too short or stands still.
     """
-    default = ends(mapping)
-    command = command or default[0]
-    told = told_of(logs[0], mapping, command, motion or moved_by(logs[0], command, default[1]))
-    curve = drive_curve([run_of(log, told) for log in logs])
+    told, curve, held_out = _curve(logs, mapping, command, motion)
     data = curve_data(curve, told)
     missing = [WORDS[n] for n in WORDS if n not in curve.values]
     lines = [
-        f"the speed follows the command after {curve.lag + curve.delay:.3g} s; over half a second the curve is off by "
-        f"{data['error']['value']:.3g} {data['error']['unit']}"
+        f"the speed follows the command after {curve.lag + curve.delay:.3g} s",
+        fits(held_out, told),
     ]
-    notes = []
-    if curve.left > OF_ITS_OWN:
-        notes.append(
-            f"the curve leaves {100.0 * curve.left:.0f} % of how the speed varies: the command does not set the speed alone "
-            "(a spring, a load, another axis), or not within the time over which it is taken"
-        )
+    notes = _notes(curve, len(logs))
     if missing:
         notes.append(f"not told by the log{'s' if len(logs) > 1 else ''}: {'; '.join(missing)}")
-    if len(logs) == 1:
-        notes.append(
-            "one log says nothing of the next: the scatter between logs of other drives widens its intervals"
-        )
 
     def draw() -> Any:
         from cosim.identify.drive_picture import drive_figure
@@ -294,16 +283,117 @@ def drive_answer(
             table_rows(curve, told),
         )
     ]
-    if len(logs) == 1:
-        lines.append("Next: name more logs of the machine to narrow the intervals; --verbose shows the table")
-    else:
-        lines.append("Next: --out DIR draws the curve; --verbose shows the table")
     return Answer(
         "drive",
-        {"synthetic": synthetic, "drive_curve": data},
+        {"synthetic": synthetic, "drive_curve": data, "held_out": held_out_data(held_out, told)},
         tables=table,
         lines=lines,
         brief=sentences(curve, told),
         notes=notes,
         draw=draw,
+        following="Next: name more logs of the machine to narrow the intervals; --verbose shows the table"
+        if len(logs) == 1
+        else "Next: --out DIR draws the curve; --verbose shows the table",
+    )
+
+
+def _curve(
+    logs: Sequence[Log], mapping: Mapping | None, command: str | None, motion: str | None
+) -> tuple[Told, DriveCurve, Predicted]:
+    """The curve of logs, in which units it is told, and how well it predicts what was left out."""
+    default = ends(mapping)
+    command = command or default[0]
+    told = told_of(logs[0], mapping, command, motion or moved_by(logs[0], command, default[1]))
+    runs = [run_of(log, told) for log in logs]
+    curve = drive_curve(runs)
+    return told, curve, predicted(runs, curve.lag)
+
+
+def _notes(curve: DriveCurve, count: int) -> list[str]:
+    """What to beware of in a curve of so many logs."""
+    notes = []
+    if curve.left > OF_ITS_OWN:
+        notes.append(
+            f"the curve leaves {100.0 * curve.left:.0f} % of how the speed varies: the command does not set the speed alone "
+            "(a spring, a load, another axis), or not within the time over which it is taken"
+        )
+    if count == 1:
+        notes.append(
+            "one log says nothing of the next: the scatter between logs of other drives widens its intervals"
+        )
+    return notes
+
+
+def fits(of: Predicted, told: Told) -> str:
+    """How well a curve predicts what was left out, and beside what."""
+    which = f"{of.parts} {'logs' if of.logs else 'parts of the log'}"
+    unit, scale = told.speed_unit, told.motion_scale
+    return (
+        f"How well it fits: of {which}, each predicted from the others, the speed over half a second is off by "
+        f"{of.error * scale:.3g} {unit} (RMS; it varies by {of.spread * scale:.3g}); without a dead zone by "
+        f"{of.without * scale:.3g}"
+    )
+
+
+def held_out_data(of: Predicted, told: Told) -> dict[str, Any]:
+    """The same as JSON."""
+    return {
+        "error": of.error * told.motion_scale,
+        "without_dead_zone": of.without * told.motion_scale,
+        "spread": of.spread * told.motion_scale,
+        "unit": told.speed_unit,
+        "parts": of.parts,
+        "parts_are_logs": of.logs,
+    }
+
+
+def still_answer(logs: Sequence[Log], mapping: Mapping | None, motion: str | None, following: str) -> Answer:
+    """The dead zone of a machine: the commands at which nothing moves, as the static curve of its drive has them.
+
+    Args:
+        logs: of one machine.
+        mapping: with which they were read.
+        motion: name of the motion; by default the output of the mapping's machine.
+        following: what to type next.
+
+    Raises:
+        DataError: a log does not hold command and motion, is too short, stands still, or tells no dead zone.
+    """
+    told, curve, held_out = _curve(logs, mapping, None, motion)
+    if not any(name.startswith("dead") for name in curve.values):
+        raise DataError(
+            f"{', '.join(curve.names)}: the dead zone cannot be told from the slope beyond it; give logs of at least two "
+            "levels of each direction together"
+        )
+    data = curve_data(curve, told)
+    rows = [row for row in table_rows(curve, told) if str(row[0]).startswith("dead")]
+    sides = {"low": "left", "high": "right"}
+    missing = [f"{side} (the {sides[side]})" for side in sides if f"dead_{side}" not in curve.values]
+    notes = _notes(curve, len(logs))
+    if missing:
+        notes.append(f"the end of the dead zone is not told by the log: {' and '.join(missing)}")
+
+    def draw() -> Any:
+        from cosim.identify.drive_picture import drive_figure
+
+        return drive_figure(curve, told)
+
+    said = sentences(curve, told)
+    return Answer(
+        "dead-zone",
+        {
+            "synthetic": any(log.synthetic for log in logs),
+            "response": told.motion,
+            "command": data["command"],
+            "dead_zone": data["dead_zone"],
+            "held_out": held_out_data(held_out, told),
+            "logs": data["logs"],
+            "holds": data["holds"],
+        },
+        tables=[(f"Dead zone, from {told.motion}", CURVE_COLUMNS, rows)],
+        lines=[fits(held_out, told)],
+        brief=[said[0], said[-1]],
+        notes=notes,
+        draw=draw,
+        following=following,
     )

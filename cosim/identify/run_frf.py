@@ -14,6 +14,7 @@ from cosim.identify.blocks import form, parameters
 from cosim.identify.data import Record, even
 from cosim.identify.frf import Frf, stepped, welch_frf
 from cosim.identify.frf_fit import fit_frf, frf_best_fit, without_transients
+from cosim.identify.other_machine import Other
 from cosim.identify.run import (
     Channel,
     between,
@@ -56,7 +57,11 @@ class FrfRequest:
 
 
 def frf_answer(
-    logs: Sequence[Log], chosen: Channel, known: Mapping[str, float], wanted: FrfRequest
+    logs: Sequence[Log],
+    chosen: Channel,
+    known: Mapping[str, float],
+    wanted: FrfRequest,
+    other: Other | None = None,
 ) -> Answer:
     """A frequency response with its uncertainty, and a transfer function fitted to it."""
     items = records_of(logs, chosen, known)
@@ -67,7 +72,7 @@ def frf_answer(
         driven = []
     elif wanted.method == "stepped":
         commands = [
-            even(log)[0].require("u", "the periods")[: i.input.size]
+            even(log)[0].require("u" if other is None else other.command, "the periods")[: i.input.size]
             for log, i in zip(logs, items, strict=True)
         ]
         driven = list(zip(items, commands, strict=True))
@@ -88,7 +93,10 @@ def frf_answer(
     whole = wanted.low <= 0.0 and wanted.high == np.inf  # the correction reads every period again
     if driven and whole and not wanted.smooth and wanted.amplitude == "least squares":
         corrected, model = without_transients(raw, driven, model)
-    return _frf_answer(logs, chosen, known, (raw, shown if corrected is None else corrected, model), items)
+    answer = _frf_answer(logs, chosen, known, (raw, shown if corrected is None else corrected, model), items)
+    if other is not None:  # whose numbers no model of ours takes
+        answer.model = ""
+    return answer
 
 
 def _frf_answer(

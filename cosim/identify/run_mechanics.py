@@ -5,15 +5,18 @@ from typing import Protocol
 
 from scipy.integrate import cumulative_trapezoid
 
+from cosim import console
 from cosim.errors import DataError, UsageError
 from cosim.identify import picture
 from cosim.identify.answer import COLUMNS, Answer, parameter_table
 from cosim.identify.data import even, measured, travels
-from cosim.identify.inverse_dynamics import Mechanics, Motion, identify_mechanics
+from cosim.identify.inverse_dynamics import LOG_PARTS, OPTIONAL, Mechanics, Motion, identify_mechanics
 from cosim.identify.nominal import declared
 from cosim.identify.run import log_data
 from cosim.lexicon import Lexicon, speaking
 from cosim.logs import Log
+from cosim.logs.mapping import Mapping as LogMapping
+from cosim.report.names import kind_of_motion
 from cosim.ssp.system import Port
 from cosim.units import parse_quantity
 
@@ -71,6 +74,10 @@ class Machine(Protocol):
     def lexicon(self) -> Lexicon:
         """Its words."""
 
+    @property
+    def mapping(self) -> LogMapping | None:
+        """With which its logs are read."""
+
 
 PRESSURE = (Port(COMPONENT, "p_load"),)
 ANGLE = (Port(COMPONENT, "theta"), Port("sensor", "slew"))
@@ -99,12 +106,24 @@ def mechanics_answer(
     data = {
         **log_data([log]),
         "best_fit_percent": found.fit,
+        "held_out_percent": {
+            "as_found": found.held_out,
+            "inertia_and_viscous_friction": found.without_friction,
+        },
         "highest_frequency": {"value": found.highest, "unit": "Hz"},
         "share_in_motion": float(found.used.mean()),
         "not_shown": {f"{COMPONENT}.{name}": q.as_data() for name, q in found.not_shown.items()},
     }
     ours = machine.name if machine.name == "full_order" else ""
-    answer = Answer("mechanics", data, values, notes=list(log.warnings), model=ours)
+    answer = Answer(
+        "mechanics",
+        data,
+        values,
+        notes=list(log.warnings),
+        model=ours,
+        lexicon=machine.lexicon,
+        following="" if ours else _following(log, machine),
+    )
     with speaking(machine.lexicon):
         before = {**machine.wiring.values, **machine.values}
         title = f"torque and motion up to {found.highest:.3g} Hz, best fit {found.fit:.2f} %"
@@ -112,6 +131,16 @@ def mechanics_answer(
         answer.lines += _sentences(found, machine.lexicon)
     answer.draw = lambda: picture.mechanics_figure(found, machine.lexicon)
     return answer
+
+
+def _following(log: Log, machine: Machine) -> str:
+    """What to type next with the numbers of a machine that is not the crane."""
+    if machine.mapping is None or machine.mapping.path is None:
+        return ""
+    return (
+        f"Next: cosim diagnose {console.typed(log.source)} --mapping {console.typed(machine.mapping.path)} --calibrate fits "
+        "the machine's model to the log and names what it lacks"
+    )
 
 
 def motion_of(log: Log, machine: Machine, settings: Sequence[str] = ()) -> Motion:
@@ -179,8 +208,12 @@ def _signal(machine: Machine, log: Log, ports: Sequence[Port]) -> tuple[str, flo
 
 
 def _sentences(found: Mechanics, lexicon: Lexicon) -> list[str]:
+    extra = [n for n in OPTIONAL if n in found.values]
+    beside = f"; with inertia and viscous friction alone {found.without_friction:.4g} %" if extra else ""
     lines = [
-        f"the drive moves in {found.used.mean():.0%} of the log; samples at rest say nothing and are left out"
+        f"How well it fits: of {LOG_PARTS} parts of the log, each predicted from the others, it tells "
+        f"{found.held_out:.4g} % of the {kind_of_motion('torque')}{beside}",
+        f"the drive moves in {found.used.mean():.0%} of the log; samples at rest say nothing and are left out",
     ]
     what = {"tau_c": "no dry friction", "tau_load": "no constant load"}
     for name, quantity in found.not_shown.items():

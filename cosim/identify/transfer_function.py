@@ -175,7 +175,7 @@ class TransferFunction:
                 found.append({"rate": self._pole(k, lambda s: -s.real, "1/s")})
             else:
                 w0 = self._pole(k, abs, "rad/s")
-                found.append({"w0": w0, "zeta": self._pole(k, lambda s: -s.real / abs(s), "1")})
+                found.append({"w0": w0, "zeta": self._pole(k, lambda s: -s.real / (abs(s) or 1.0), "1")})
         return found
 
     def zeros(self) -> NDArray[np.complex128]:
@@ -208,8 +208,15 @@ class TransferFunction:
         for pole in filter(_loose, self.poles()):
             rate = pole.get("rate") or pole["w0"]
             w, reach = abs(rate.value), (rate.interval[1] - rate.interval[0]) / 2.0
+            log = name or self.records[0].name
+            fastest = np.pi / self.records[0].step
+            if w > fastest:
+                raise DataError(
+                    f"{log}: a pole came out at {w:.3g} rad/s, beyond what samples every {self.records[0].step * 1e3:.3g} ms"
+                    f" show ({fastest:.3g} rad/s): the log tells no such lag; take fewer poles (--order), or sample faster"
+                )
             raise DataError(
-                f"{name or self.records[0].name}: the log does not excite the band around {w:.3g} rad/s enough: the pole"
+                f"{log}: the log does not excite the band around {w:.3g} rad/s enough: the pole"
                 f" there is only known as {w:.3g} ± {reach:.2g}; take fewer poles (--order), or excite {0.3 * w:.2g} to"
                 f" {3 * w:.2g} rad/s (`cosim identify experiment` writes such a command)"
             )

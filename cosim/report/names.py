@@ -3,6 +3,8 @@
 import re
 from collections.abc import Iterable
 
+from cosim.lexicon import current
+
 SIGNAL_NAMES = {
     "slew": "slew angle",
     "spool": "spool position",
@@ -114,3 +116,16 @@ def replaced(text: str, pairs: Iterable[tuple[str, str]]) -> str:
         alone = r"(?<![a-zäöüß])" if one[0].isalpha() else ""
         text = re.sub(alone + re.escape(one), other.replace("\\", r"\\"), text)
     return text
+
+
+def kind_of_motion(text: str) -> str:
+    """Words about the crane's slew, as they are said of another machine's axis, which may move along a line."""
+    lexicon = current()
+    pairs = (
+        *(FLOWING if lexicon.units.get("rad") == "m3" else ()),
+        *(HOLDING if lexicon.holds else ()),
+        *(OTHER_AXIS if lexicon.blocks else ()),
+        *(DRIVEN if lexicon.electric else ()),
+        *(TURNING if lexicon.units.get("rad") in ("m", "m.s") else ()),
+    )
+    return replaced(text, pairs)

@@ -21,6 +21,7 @@ from cosim.report.evidence import free_form, pictures
 from cosim.report.folder import ANSWER, PREDICTED, SERIES, keep, lexicon_of, load
 from cosim.report.language import current, picture_said, picture_with, reported_in, said, separators
 from cosim.report.material import Material, gather
+from cosim.report.names import kind_of_motion
 from cosim.report.picture import Picture, figure
 from cosim.report.plain import advice, chain, quiet_blocks, quiet_signals, three_sentences
 from cosim.report.words import (
@@ -35,7 +36,6 @@ from cosim.report.words import (
     effect_name,
     few,
     fit_text,
-    kind_of_motion,
     limits_met,
     number,
     odd_sentence,

@@ -8,12 +8,12 @@ from pathlib import Path
 from cosim.diagnosis.answer.schema import Answer
 from cosim.lexicon import current
 from cosim.report.material import Material, Part
+from cosim.report.names import kind_of_motion
 from cosim.report.screen import better
 from cosim.report.words import (
     NOISY,
     block_name,
     called,
-    kind_of_motion,
     listed,
     phrase,
     sentence,

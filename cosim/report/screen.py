@@ -13,6 +13,7 @@ from cosim.lexicon import speaking
 from cosim.report.drive import SLOPE, by_side
 from cosim.report.folder import lexicon_of
 from cosim.report.material import Material
+from cosim.report.names import kind_of_motion
 from cosim.report.words import (
     NAMES,
     Quantity,
@@ -21,7 +22,6 @@ from cosim.report.words import (
     down_to_noise,
     few,
     in_own_words,
-    kind_of_motion,
     limits_met,
     listed,
     nominal_of,

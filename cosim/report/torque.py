@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 
 from cosim.diagnosis.answer.schema import NamedCause
 from cosim.report.material import Material
+from cosim.report.names import kind_of_motion
 from cosim.report.picture import Layer, Panel, Picture
 from cosim.report.series import binned, low_pass, reversals, slopes
-from cosim.report.words import CAPTIONS, axis, effect_name, kind_of_motion, lacking, quantity, shows_speed
+from cosim.report.words import CAPTIONS, axis, effect_name, lacking, quantity, shows_speed
 from fmus import registry
 
 Array = NDArray[np.float64]

@@ -15,15 +15,10 @@ from cosim.machines.table import FULL_COMMAND
 from cosim.report.material import Material, component_of
 from cosim.report.names import (
     BLOCK_NAMES,
-    DRIVEN,
-    FLOWING,
-    HOLDING,
     ONE_RATE_ON,
-    OTHER_AXIS,
     QUANTITIES,
     SIGNAL_NAMES,
-    TURNING,
-    replaced,
+    kind_of_motion,
 )
 from cosim.units import is_speed
 from fmus import registry
@@ -255,19 +250,6 @@ def lacking(what: str) -> tuple[str, str, float]:
     """What is missing, as `quantity` tells it: never a signal of the machine, which may be called torque as well."""
     text, si, unit = QUANTITIES.get(what, (what, "1", "1"))
     return kind_of_motion(text), *current().quantity(si, unit)
-
-
-def kind_of_motion(text: str) -> str:
-    """Words about the crane's slew, as they are said of another machine's axis, which may move along a line."""
-    lexicon = current()
-    pairs = (
-        *(FLOWING if lexicon.units.get("rad") == "m3" else ()),
-        *(HOLDING if lexicon.holds else ()),
-        *(OTHER_AXIS if lexicon.blocks else ()),
-        *(DRIVEN if lexicon.electric else ()),
-        *(TURNING if lexicon.units.get("rad") in ("m", "m.s") else ()),
-    )
-    return replaced(text, pairs)
 
 
 def called(effect: str) -> str:

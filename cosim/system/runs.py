@@ -6,6 +6,7 @@ the same, else anew. A run that was made before is not made again, nor one that 
 """
 
 import hashlib
+import math
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -19,7 +20,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.errors import SimulationError
+from cosim.errors import OutOfTimeError, SimulationError
 from cosim.master import Limits, Runner
 from cosim.results import Result
 from cosim.ssp.system import Fmu, Port, System, Value
@@ -41,10 +42,12 @@ class Runs:
     """All units of a system; a context manager.
 
     Attributes:
+        took: time that the last run of each unit took [s].
         count: runs of units that were made.
         steps: communication steps that they took.
         runners: made so far.
         stop: told of a Ctrl-C in a run; True if what runs will end by itself soon.
+        left: tells how long a run may take, s; one that takes longer is cut off, and none begins where nothing is left.
     """
 
     def __init__(self, system: System, limits: Limits | None = None, apart: bool | None = None) -> None:
@@ -57,8 +60,10 @@ class Runs:
         """
         self.system, self.limits, self.apart = system, limits or Limits.usual(), apart
         self.usual: dict[tuple[str, ...], float] = {}  # time that a step of each unit took at first [s]
+        self.took: dict[tuple[str, ...], float] = {}
         self.count = self.steps = 0
         self.stop: Callable[[], bool] = lambda: False
+        self.left: Callable[[], float] = lambda: math.inf
         self.runners: dict[tuple[str, ...], Runner] = {}
         self._proved: set[tuple[str, ...]] = set()  # units whose restarts were tried
         self._renewed: set[tuple[str, ...]] = set()  # those whose restarts did not give the same
@@ -98,6 +103,15 @@ class Runs:
     def forget(self) -> None:
         """Make every run anew from here on."""
         self._kept.clear()
+
+    @contextmanager
+    def uncut(self) -> Iterator[None]:
+        """Within this no run is cut off for the time that is left: what was found is decided upon."""
+        before, self.left = self.left, lambda: math.inf
+        try:
+            yield
+        finally:
+            self.left = before
 
     @contextmanager
     def exact(self) -> Iterator[None]:
@@ -266,28 +280,35 @@ class Runs:
 
         Raises:
             SimulationError: it did, or failed.
+            OutOfTimeError: nothing is left of the time for runs.
         """
         most, known = self.limits.run, self.usual.get(unit.components)
         if known is not None:
             most = min(most, max(SLOWER * known * steps, LEAST_TIME))
+        left = self.left()
+        if left <= 0.0:
+            raise OutOfTimeError("the time for runs was over")
         begun = time.monotonic()
         try:
-            result = once(within=most)
+            result = once(within=min(most, left))
         except KeyboardInterrupt:  # our own FMUs hear it within their loop
             if not self.stop():
                 raise
             result = once()
         except SimulationError as error:
+            if self.left() <= 0.0:
+                raise OutOfTimeError(str(error)) from None
             if known is not None or time.monotonic() - begun < most:
                 raise
             raise SimulationError(
                 f"{error}; a diagnosis needs hundreds of runs of the log's length. What drives it may be wrong (columns, "
                 "units, signs in the mapping); else take a shorter log, or allow more by COSIM_RUN (seconds)"
             ) from None
-        self.usual.setdefault(unit.components, (time.monotonic() - begun) / steps)
+        self.took[unit.components] = time.monotonic() - begun
+        self.usual.setdefault(unit.components, self.took[unit.components] / steps)
         return result
 
-    def _prove(self, unit: Unit, once: Callable[[], Result], first: Result) -> None:
+    def _prove(self, unit: Unit, once: Callable[..., Result], first: Result) -> None:
         """See whether a unit that restarts by its state gives what a new instance gave; if not it is made anew each time."""
         if (
             self._finer > 1
@@ -298,9 +319,12 @@ class Runs:
         self._proved.add(unit.components)
         self.count += 1
         try:
-            again = once()
+            again = once(within=max(self.left(), 0.0))
             same = all(np.array_equal(again.signals[n], v, equal_nan=True) for n, v in first.signals.items())
         except SimulationError:
+            if self.left() <= 0.0:
+                self._proved.discard(unit.components)
+                return
             same = False
         except KeyboardInterrupt:
             if not self.stop():

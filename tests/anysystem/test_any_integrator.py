@@ -4,6 +4,7 @@ import json
 import zipfile
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ import systems
 from benchmarks.systems import parts
 from benchmarks.systems.truth import Hidden, read, simulate
 from cosim.anysystem.actions import PARAMETER, Action
-from cosim.anysystem.search import Search
+from cosim.anysystem.search.decisions import Decisions
 from cosim.inference.problem import Fit
 from cosim.inference.unknowns import Unknown
 from cosim.ssp.system import Port
@@ -71,9 +72,11 @@ def test_a_parameter_is_no_cause_within_what_two_programs_make_of_one_model(valu
     noise = 0.1
     fit = Fit({name: value}, np.array([[noise**2]]), (unknown,), np.zeros(1), 0.0)
     agreed = replace(fit, covariance=np.array([[noise**2 + programs**2]]))
-    search = Search.__new__(Search)
-    search.trusted, search.scales = {"part.scale": (20.0, 0.01)}, {"part.scale": 20.0}
-    assert search._as_programs_differ(Action(PARAMETER, Port("part", "scale")), fit, agreed) is not named
+    decisions = Decisions.__new__(Decisions)
+    decisions.known = SimpleNamespace(  # type: ignore[assignment]
+        trusted={"part.scale": (20.0, 0.01)}, scales={"part.scale": 20.0}
+    )
+    assert decisions._as_programs_differ(Action(PARAMETER, Port("part", "scale")), fit, agreed) is not named
 
 
 @pytest.mark.parametrize(
@@ -95,9 +98,11 @@ def test_a_cause_that_may_be_none_within_what_two_programs_make_of_one_model_is_
     named = {action.key(n): v for n, v in values.items()}
     fit = Fit(named, noise**2, unknowns, np.zeros(1), 0.0)
     agreed = replace(fit, covariance=noise**2 + programs**2 * np.eye(len(values)))
-    search = Search.__new__(Search)
-    search._off = lambda asked: {asked.key(n): float(effect == "port.gain") for n in values}
-    assert search._none_within(action, fit, agreed) is none
+    decisions = Decisions.__new__(Decisions)
+    decisions.known = SimpleNamespace(  # type: ignore[assignment]
+        off=lambda asked: {asked.key(n): float(effect == "port.gain") for n in values}
+    )
+    assert decisions._none_within(action, fit, agreed) is none
 
 
 def test_where_an_fmu_makes_steps_of_its_own_what_they_err_is_said_to_be_among_the_unexplained(

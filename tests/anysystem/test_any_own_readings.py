@@ -11,7 +11,12 @@ from benchmarks.any_system import Case, make_case, run, score, told
 from benchmarks.systems import parts
 from benchmarks.systems.truth import Hidden
 from cosim.anysystem.actions import Action
-from cosim.anysystem.search import Candidate, Search
+from cosim.anysystem.search.decisions import Decisions
+from cosim.anysystem.search.finding import Candidate
+from cosim.anysystem.search.fits import Fits
+from cosim.anysystem.search.known import Known
+from cosim.anysystem.search.rivals import Rivals
+from cosim.anysystem.search.screening import Screening
 from cosim.diagnosis.budget import Budget
 from cosim.inference.held_out import HeldOutGain
 from cosim.inference.noise import Noise
@@ -109,11 +114,10 @@ def test_an_estimate_that_a_switch_within_a_component_holds_is_left_for_a_better
         {"tank.y#0": 1e-4},
     )
     problem.noise["tank.y#0"] = Noise(1e-4)
-    search = Search.__new__(Search)
-    search.problem, search.budget, search.trusted = problem, Budget(), {"tank.r": (7.0, 0.01)}
-    search.scales = {"tank.r": 7.0}
-    search.by_log = ()
-    search.model = SimpleNamespace(  # type: ignore[assignment]
+    known = Known.__new__(Known)
+    known.problem, known.budget, known.trusted = problem, Budget(), {"tank.r": (7.0, 0.01)}
+    known.scales, known.spreads = {"tank.r": 7.0}, {}
+    known.model = SimpleNamespace(  # type: ignore[assignment]
         group=SimpleNamespace(judged=(("tank.y", Port("tank", "y")),)),
         segments=[
             SimpleNamespace(signals={"tank.y": measured}, known=lambda _: np.ones(1500, dtype=np.bool_))
@@ -127,7 +131,8 @@ def test_an_estimate_that_a_switch_within_a_component_holds_is_left_for_a_better
     stuck = problem.fit([size], {size.name: 8.92})
     assert stuck is not None
     assert abs(stuck.values[size.name] - 9.1) > 0.1
-    found = search._elsewhere(search._scored(Candidate((action,), stuck, 0.0)))
+    fits = Fits(known)
+    found = fits.elsewhere(fits.scored(Candidate((action,), stuck, 0.0)))
     assert abs(found.fit.values[size.name] - 9.1) < 0.03
 
 
@@ -159,27 +164,30 @@ def test_what_is_held_against_a_cause_has_the_nuisances_that_are_now() -> None:
         own = [Unknown(f"shift:{k}", -1.0, 1.0, 1.0, 0.01) for k in range(count)]
         problem.share(own, {"a.y#0": np.stack([np.sin((k + 2) * ramp) for k in range(count)])})
 
-    search = Search.__new__(Search)
-    search.problem, search.steady, search.budget = problem, False, Budget()
+    known = Known.__new__(Known)
+    known.problem, known.budget, known.spreads = problem, Budget(), {}
+    known.model = SimpleNamespace()  # type: ignore[assignment]
+    fits = Fits(known)
+    decisions = Decisions(Rivals(Screening(fits, 3)))
     action = Action("parameter", Port("a", "K"))
     best, poorer = (
         Candidate(actions, Fit(values, np.zeros((0, 0)), (), np.zeros(0), 0.0), 0.0)
         for actions, values in (((action,), {"parameter|a.K": 1.0}), ((), {}))
     )
-    search._price = lambda actions: 0.0  # type: ignore[method-assign, assignment]
-    search._other_log = lambda: True  # type: ignore[method-assign]
-    search._fit = lambda *asked: None  # type: ignore[method-assign, assignment]
+    fits.price = lambda actions: 0.0  # type: ignore[method-assign, assignment]
+    decisions._other_log = lambda: True  # type: ignore[method-assign]
+    fits.fit = lambda *asked: None  # type: ignore[method-assign, assignment]
     shared(3)
-    search._scored(best)
-    search._without = lambda *asked: poorer  # type: ignore[method-assign, assignment]
+    fits.scored(best)
+    decisions._without = lambda *asked: poorer  # type: ignore[method-assign, assignment]
     problem.held_out = lambda richer, poorer: HeldOutGain(1.0, 5.0)  # type: ignore[method-assign]
 
     def settled(candidate: Candidate) -> None:
-        shared(3 if search.steady else 4)
-        search._scored(candidate)
+        shared(3 if fits.steady else 4)
+        fits.scored(candidate)
 
-    search._settle = settled  # type: ignore[method-assign]
-    found, judged = search._held_out(best, poorer)
+    fits.settle = settled  # type: ignore[method-assign]
+    found, judged = decisions._held_out(best, poorer)
     assert not judged[action][1].sure
     rows = [c.fit.rows for c in (found, judged[action][0])]
     assert [r.size for r in rows] == [304, 304]

@@ -14,7 +14,7 @@ from cosim.anysystem.actions import Action
 from cosim.anysystem.cuts import cut_by_logs
 from cosim.anysystem.read import Recording, read
 from cosim.anysystem.readings import stale_of
-from cosim.anysystem.search import SCATTERS, Search
+from cosim.anysystem.search.decisions import SCATTERS, Decisions
 from cosim.errors import DataError
 from cosim.ssp.read import read_system
 from cosim.system.graph import CutGroup
@@ -312,10 +312,10 @@ def test_a_cause_that_nothing_but_the_others_told_from_none_goes_with_them(
     assert named("both") == {"port.dead_zone": "", "port.offset": ""}
     effects: list[set[str]] = []
 
-    def none_told(self: Search, action: Action, between: Mapping[str, object]) -> bool:
+    def none_told(self: Decisions, action: Action, between: Mapping[str, object]) -> bool:
         effects.append({n.split("|")[0] for n in between})
         return action.effect == "port.dead_zone" or effects[-1] == {action.effect}
 
-    monkeypatch.setattr(Search, "_none_between", none_told)
+    monkeypatch.setattr(Decisions, "_none_between", none_told)
     assert named("none") == {"port.dead_zone": SCATTERS, "port.offset": SCATTERS}
     assert {"port.offset"} in effects, "asked again once it is alone"

@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.systems import parts
 from cosim.anysystem.pipeline import far_off
-from cosim.anysystem.search import MOST_COARSE, Search
+from cosim.anysystem.search.known import MOST_COARSE, Known
 from cosim.errors import SimulationError
 from cosim.inference.problem import Problem
 from cosim.inference.unknowns import Unknown
@@ -97,10 +97,10 @@ def test_the_error_of_a_solver_is_none_of_a_reading_that_is_far_smaller() -> Non
             return series[signal]
 
     def coarse(size: float) -> float:
-        search = Search.__new__(Search)
-        search.model = Model(size)  # type: ignore[assignment]
-        search.spreads, search.base = {"a.y": float(np.std(wave))}, {}
-        return search._coarse(search.model.own)["a.y"]  # type: ignore[arg-type]
+        known = Known.__new__(Known)
+        known.model = Model(size)  # type: ignore[assignment]
+        known.spreads, known.base = {"a.y": float(np.std(wave))}, {}
+        return known._coarse(known.model.own)["a.y"]  # type: ignore[arg-type]
 
     assert coarse(1.0) == pytest.approx(0.02 * np.std(wave))
     assert coarse(1000.0) == pytest.approx(0.02 * np.std(wave))
@@ -120,9 +120,9 @@ def test_a_parameter_of_zero_is_looked_for_in_the_decade_that_moves_the_model(
 ) -> None:
     """One of its FMU's unit was the size of a friction that is off: 20 N were beyond twenty of them."""
     wave = np.sin(0.1 * np.arange(500))
-    search = Search.__new__(Search)
-    search.base, search.spreads = {}, {"a.y": float(np.std(wave))}
-    search.trusted, search.free = {"a.friction": (0.0, 0.01), "a.mass": (-3.0, 0.01)}, {}
+    known = Known.__new__(Known)
+    known.base, known.spreads = {}, {"a.y": float(np.std(wave))}
+    known.trusted, known.free = {"a.friction": (0.0, 0.01), "a.mass": (-3.0, 0.01)}, {}
 
     class Model(SimpleNamespace):
         def __call__(self, values: dict[str, float]) -> dict[str, np.ndarray]:
@@ -130,8 +130,8 @@ def test_a_parameter_of_zero_is_looked_for_in_the_decade_that_moves_the_model(
                 raise SimulationError("it runs away")
             return {"a.y": wave * (1.0 + gain * values["parameter|a.friction"])}
 
-    search.model = Model(whole=lambda series, signal: series[signal])  # type: ignore[assignment]
-    scales = search._scales({"a.y": wave})
+    known.model = Model(whole=lambda series, signal: series[signal])  # type: ignore[assignment]
+    scales = known._scales({"a.y": wave})
     assert scales == {"a.friction": pytest.approx(size), "a.mass": 3.0}
 
 

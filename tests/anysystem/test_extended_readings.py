@@ -1,10 +1,12 @@
 """What a log calls by the name of a port is read beyond the effects that an extended model has there."""
 
 import json
+import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
+from lxml import etree
 
 from benchmarks.systems import parts
 from cosim.anysystem.actions import Action
@@ -76,3 +78,26 @@ def test_all_commands_read_behind_what_was_found(
         )
         assert code == 0, err
         assert json.loads(out)["verdict"] == "adequate"
+
+
+def test_a_unit_that_a_wire_tells_is_told_of_the_port_behind_an_effect(native: Path, tmp_path: Path) -> None:
+    """An angle in degrees was "1" in the extended package, and the mapping that had found the effect no longer fitted it."""
+    told, model = tmp_path / "told.ssp", tmp_path / "extended.ssp"
+    with zipfile.ZipFile(native) as old, zipfile.ZipFile(told, "w") as new:
+        for name in old.namelist():
+            content = old.read(name)
+            if name == "SystemStructure.ssd":
+                root = etree.fromstring(content)
+                (outer,) = root.findall(".//{*}System/{*}Connectors/{*}Connector[@name='command']")
+                for child in outer:
+                    child.set("unit", "deg")
+                assert len(outer) == 1
+                content = etree.tostring(root)
+            new.writestr(name, content)
+    port = Port("valve", "u")
+    with read_system(told) as system:
+        assert system.variable(port).unit == "deg"
+        write_package(system, [(Action("port.gain", port, "input"), {"gain": GAIN})], {}, model, build_fmu)
+    with read_system(model) as system:
+        assert system.variable(port).unit == "deg"
+        assert system.variable(Port("gain_valve_u_input", "u")).unit == "deg"

@@ -19,8 +19,9 @@ from benchmarks.systems.truth import Hidden, read, simulate
 from cosim import rig
 from cosim.browser.form import find, named
 from cosim.browser.mapping import FormError, toml_text
-from cosim.browser.session import Session
+from cosim.browser.session import Session, Work
 from cosim.errors import CosimError, DataError, UsageError
+from cosim.logs import load_mapping
 from cosim.logs.overview import overview
 from cosim.paths import examples_folder
 
@@ -560,6 +561,85 @@ def test_a_stranger_s_package_is_mapped_and_diagnosed(session, drive, filled):
     if work["report"]:
         assert b"Fahrt 1" in session.report()
     assert session.done == [{"folder": str(folder), "verdict": "explained"}]
+
+
+def test_parameters_of_a_model_are_trusted_or_fitted_as_the_page_says(session, drive, filled, tmp_path):
+    """Only a mapping could say how well a parameter is known, so the page could name none."""
+    package, log = drive
+    drop(session, log)
+    drop(session, package)
+    state = session.state()
+    rows = {row["name"]: row for row in state["form"]["numbers"]}
+    assert {"valve.K", "valve.T", "plant.ZETA"} <= rows.keys()
+    assert (rows["valve.K"]["value"], rows["valve.K"]["trusted"], rows["valve.K"]["free"]) == (2.0, "", False)
+    given = filled(state)
+    assert "diagnose" not in tomllib.loads(mapping_made(session, given)), (
+        "each is exact until somebody says more"
+    )
+    session._work = Work()
+    given["numbers"] = {
+        "valve.K": {"trusted": " 2,5% "},
+        "plant.W": {"trusted": "10"},
+        "plant.K": {"trusted": "1 %", "free": True},
+    }
+    made = tomllib.loads(mapping_made(session, given))
+    assert made["diagnose"] == {"trusted": {"valve.K": "2.5 %", "plant.W": "10 %"}, "free": ["plant.K"]}
+    rows = {row["name"]: row for row in session.state()["form"]["numbers"]}
+    session._work = Work()
+    assert (rows["valve.K"]["trusted"], rows["plant.K"]["free"]) == ("2.5 %", True), (
+        "a page that is opened again shows it"
+    )
+    for text, said in (
+        ("well", "'well' does not say how well it is known"),
+        ("-1 %", "it cannot be known to '-1 %'"),
+    ):
+        with pytest.raises(FormError, match=said) as error:
+            session.ask("diagnose", {**given, "numbers": {"valve.K": {"trusted": text}}})
+        assert error.value.row == "valve.K"
+    (tmp_path / "known.toml").write_text(
+        'time = { column = "Time (s)", unit = "s" }\n[signals]\ncommand = { column = "Command", unit = "1" }\n'
+        '[signals."valve.y"]\ncolumn = "valve_y"\nunit = "1"\n'
+        '[diagnose]\ntrusted = { "valve.T" = 0.03 }\nfree = ["plant.ZETA"]\n'
+    )
+    drop(session, tmp_path / "known.toml")
+    rows = {row["name"]: row for row in session.state()["form"]["numbers"]}
+    assert (rows["valve.T"]["trusted"], rows["plant.ZETA"]["free"], rows["valve.K"]["trusted"]) == (
+        "3 %",
+        True,
+        "",
+    )
+
+
+VOLTS = """
+from pythonfmu import Fmi2Causality, Fmi2Slave, Real
+
+
+class Volts(Fmi2Slave):
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.u, self.slew = 0.0, 0.0
+        self.register_variable(Real("u", causality=Fmi2Causality.input, description="motor voltage [V]"))
+        self.register_variable(Real("slew", causality=Fmi2Causality.output, description="position [mm]"))
+
+    def do_step(self, t, step):
+        return True
+"""
+
+
+def test_a_connector_that_is_called_like_a_signal_of_ours_is_not_it(session, tmp_path):
+    """A voltage called u was refused: "expected one like '1'"."""
+    parts.by_pythonfmu("Volts", VOLTS, tmp_path)
+    log = tmp_path / "log.csv"
+    log.write_text(
+        "t,u [V],slew [mm]\n" + "".join(f"{0.02 * k:.2f},{k % 7},{k * k / 100}\n" for k in range(100))
+    )
+    drop(session, tmp_path / "Volts.fmu")
+    drop(session, log)
+    form = session.state()["form"]
+    made = mapping_made(session, {"time": form["time"], "rows": {row["signal"]: row for row in form["rows"]}})
+    (tmp_path / "made.toml").write_text(made)
+    signals = load_mapping(tmp_path / "made.toml").signals
+    assert {name: column.unit for name, column in signals.items()} == {"u": "V", "Volts.slew": "mm"}
 
 
 @pytest.mark.parametrize("chosen", [True, False])

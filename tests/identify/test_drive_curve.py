@@ -10,11 +10,13 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
+from cosim.api.identifying import dead_zone_of
 from cosim.errors import DataError
 from cosim.identify import drive_fit
 from cosim.identify.answer import finish
 from cosim.identify.drive_curve import NAMES, OF_ITS_OWN, Estimate, drive_curve, next_log
 from cosim.identify.drive_fit import Run, static
+from cosim.identify.drive_held_out import predicted
 from cosim.identify.run_drive import Told, drive_answer, sentences
 from cosim.logs import load_log, load_mapping
 
@@ -247,6 +249,41 @@ travel = { column = "way", unit = "m" }
 column = "p"
 unit = "bar"
 """
+
+
+MACHINE = """
+[machine]
+chain = ["dead_zone", "dcv", "continuity", "mechanical", "sensor"]
+speed = "?"
+lag = "?"
+"""
+
+
+def test_the_dead_zone_of_a_machine_is_that_of_its_static_curve(tmp_path: Path):
+    """Not what the crane's compensator and chain would make of its command; and no model of the crane takes it."""
+    run = made(6, seconds=60.0)
+    (tmp_path / "m.toml").write_text(MAPPING + MACHINE)
+    table = np.column_stack([run.time, 7.5 + run.command / 0.4, run.position])
+    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header="t,duty,angle", comments="", fmt="%.9g")
+    log = load_log(tmp_path / "log.csv", tmp_path / "m.toml")
+    answer = dead_zone_of([log], tmp_path / "m.toml", [])
+    found = answer.data["dead_zone"]
+    for side, truth in (("low", -0.2), ("high", 0.25)):
+        assert found[side]["value"] == pytest.approx(truth, abs=0.01)
+        assert found[side]["ci95"][0] < truth < found[side]["ci95"][1]
+    assert answer.parameters == {}
+    held_out = answer.data["held_out"]
+    assert held_out["error"] < 0.05 * held_out["spread"]
+    assert held_out["without_dead_zone"] > 3.0 * held_out["error"]
+    assert answer.lines[-1].startswith("How well it fits: of 10 parts of the log")
+    assert re.match(r"Next: cosim diagnose \S+log.csv --mapping \S+m.toml --calibrate ", answer.next_step({}))
+
+
+def test_a_drive_without_a_dead_zone_is_predicted_as_well_without_one():
+    run = made(7, np.array([-1e-9, 1e-9, 1.4, 1.8, -0.75, 0.8]), seconds=60.0)
+    found = predicted([run], LAG)
+    assert found.without == pytest.approx(found.error, rel=0.05)
+    assert found.told > 95.0
 
 
 def test_the_one_signal_beside_the_command_is_the_motion(tmp_path: Path):

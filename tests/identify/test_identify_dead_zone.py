@@ -7,7 +7,7 @@ import pytest
 from identify_truth import TRUTH, UNCOMPENSATED, inside, least, score
 
 from cosim.errors import DataError
-from cosim.identify.dead_zone import identify_dead_zone
+from cosim.identify.dead_zone import identify_dead_zone, predicted_dead_zone
 from cosim.identify.run import dead_zone_parameters
 from cosim.rig import Hidden, as_log, make_log
 
@@ -21,6 +21,13 @@ def test_a_ramp_gives_table_4_1(response, ramp_log, off):
         assert abs(score(quantity, TRUTH[name])) < 4.0, name
         assert quantity.interval[1] - quantity.interval[0] < 0.02, name
     assert found.lag.value == pytest.approx(found.nominal_lag, rel=0.02)
+
+
+def test_parts_of_the_log_are_predicted_with_the_dead_zone_only(ramp_log, off):
+    found = identify_dead_zone(ramp_log(), off)
+    with_it, without = predicted_dead_zone(found, off)
+    assert with_it > 98.0
+    assert without < 75.0
 
 
 def test_nearest_signal_is_taken(ramp_log, off):

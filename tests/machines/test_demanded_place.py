@@ -19,7 +19,8 @@ from cosim.logs.guess import guesses, mapping_text
 from cosim.logs.overview import overview
 from cosim.machines import made_for
 from cosim.machines.rough import stays_with
-from cosim.report.words import kind_of_motion, quantity
+from cosim.report.names import kind_of_motion
+from cosim.report.words import quantity
 
 PLAIN = """
 time = { column = "t", unit = "s" }

@@ -13,7 +13,8 @@ from cosim.logs import Log, load_log
 from cosim.logs.guess import guesses, mapping_text
 from cosim.logs.overview import overview
 from cosim.machines import made_for
-from cosim.report.words import kind_of_motion, with_signals
+from cosim.report.names import kind_of_motion
+from cosim.report.words import with_signals
 
 OVERLAP, FULL = 0.2, 60.0  # of the command; l/min at full command
 HEADS = (

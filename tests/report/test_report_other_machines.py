@@ -9,8 +9,9 @@ from cosim.anysystem.page import TEXTS
 from cosim.diagnosis.answer.schema import NamedCause
 from cosim.lexicon import Lexicon, speaking
 from cosim.report.language import catalogue
+from cosim.report.names import kind_of_motion
 from cosim.report.plain import ADVICE, OF_OTHERS, advice
-from cosim.report.words import CAPTIONS, FORMS, NAMES, PHRASES, PHYSICAL, kind_of_motion, the
+from cosim.report.words import CAPTIONS, FORMS, NAMES, PHRASES, PHYSICAL, the
 from fmus import registry
 
 PARTS = re.compile(r"\b(boom|slew\w*|rack|crane|outriggers?|column|base)\b", re.I)

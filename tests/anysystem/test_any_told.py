@@ -1,0 +1,89 @@
+"""What an answer tells of a cause, and what a mapping is proposed: only what the log or the FMU says."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from benchmarks.systems import parts
+from cosim.anysystem.actions import Action
+from cosim.anysystem.answer import numbers, stale_in
+from cosim.anysystem.readings import Stale, stale_of
+from cosim.anysystem.start import began, beginnings_of, of_file
+from cosim.inference.problem import Fit
+from cosim.inference.unknowns import Unknown
+from cosim.logs.overview import overview
+from cosim.ssp.read import read_system
+from cosim.ssp.system import Port
+
+
+@pytest.mark.parametrize(("spread", "told"), [(1e-4, {"low", "high"}), (0.0, {"low"})])
+def test_a_limit_that_no_sample_comes_to_is_not_told(spread, told):
+    """The end of an arm's travel came with another one of "-30.65 deg, -30.65 to -30.65", which the log never met."""
+    action = Action("port.saturation", Port("arm", "angle"), "output")
+    unknowns = tuple(Unknown(action.key(n), -200.0, 10.0, 1.0) for n in ("low", "high"))
+    values = {action.key("low"): -155.8, action.key("high"): -30.65}
+    fit = Fit(values, np.diag([1.5, spread]), unknowns, np.zeros(1), 0.0)
+    variable = SimpleNamespace(unit="deg")
+    found = SimpleNamespace(logs=[], findings={}, system=SimpleNamespace(variable=lambda port: variable))
+    finding = SimpleNamespace(read={}, between={}, chosen=SimpleNamespace(fit=fit))
+    assert numbers(found, finding, action).keys() == told
+
+
+def test_stale_samples_of_one_log_are_told_of_that_log():
+    """A quarter of the samples of one log repeated themselves, none of the other: it was said of both."""
+    action = Action("port.dropout", Port("boom", "angle"), "sensor")
+    even, stale = np.arange(6), np.array([0, 1, 1, 3, 3, 5])
+    logs = [SimpleNamespace(source=Path(name)) for name in ("a.csv", "b.csv")]
+    segments = [SimpleNamespace(number=k) for k in range(2)]
+    group = SimpleNamespace(judged=(("boom.angle", action.port),))
+    model = SimpleNamespace(group=group, segments=segments, judging=lambda signal: [0, 1])
+    for held, told in (((even, stale), ["b.csv"]), ((stale, stale), [])):
+        finding = SimpleNamespace(read={action: Stale(held, 0.3, 6)}, model=model)
+        assert stale_in(SimpleNamespace(logs=logs), finding, action) == told
+
+
+AXIS = """
+from pythonfmu import Fmi2Causality, Fmi2Slave, Real
+
+
+class Axis(Fmi2Slave):
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.arm_in, self.p = 0.0, 80.0
+        self.register_variable(Real("arm_in", causality=Fmi2Causality.input, description="duty of the valve [%]"))
+        self.register_variable(Real("p", causality=Fmi2Causality.output, description="pressure [bar]"))
+
+    def do_step(self, t, step):
+        return True
+"""
+
+
+def test_a_command_is_no_feedback_and_where_a_model_begins_is_not_made_up(tmp_path):
+    """The current's feedback of a valve driver was taken for its duty; "the model at 0" was said of one at 80 bar."""
+    parts.by_pythonfmu("Axis", AXIS, tmp_path)
+    log = tmp_path / "log.csv"
+    rows = "".join(f"{0.01 * k:.2f},{40 * (k > 50)},{300 * (k > 52)},{80 + k / 10}\n" for k in range(200))
+    log.write_text("time [s],Arm_in_duty,Arm_in_FB,p [bar]\n" + rows)
+    found = overview(log)
+    with read_system(tmp_path / "Axis.fmu") as system:
+        matched = of_file(system, found)
+        assert matched.taken[1] == "arm_in"
+        assert "Arm_in_FB" in matched.check(1)
+        (begin,) = beginnings_of(system, found, matched)
+    assert begin.model is None
+    assert began(begin, "bar").startswith("begins at 80")
+    assert "where the model begins the FMU does not say" in began(begin, "bar")
+
+
+@pytest.mark.parametrize("lost", [0.0, 0.05])
+def test_the_digits_of_a_file_make_no_stale_samples(lost):
+    """Five digits of a pressure with noise of 0.1 bar repeat themselves by chance: "stale samples 1.5 %" was a cause."""
+    rng = np.random.default_rng(4)
+    true = 140.0 + 20.0 * np.sin(0.002 * np.arange(2000))
+    read = np.array([float(f"{v:.5g}") for v in true + 0.1 * rng.standard_normal(2000)])
+    held = np.maximum.accumulate(np.where(rng.random(2000) < lost, 0, np.arange(2000)))
+    assert np.mean(np.diff(read) == 0.0) > 0.01
+    found = stale_of([read[held]], [true])
+    assert (found is not None) == (lost > 0.0)
