@@ -18,7 +18,7 @@ from cosim.anysystem.search.finding import (
     renumbered,
 )
 from cosim.anysystem.search.fits import CLOSE, NAMED
-from cosim.anysystem.search.known import LEAST, SURE
+from cosim.anysystem.search.known import LEAST, SURE, Stage
 from cosim.anysystem.search.rivals import Rivals
 from cosim.diagnosis.held_out.between import Between, between_logs, combined, drawn_by_logs
 from cosim.errors import SimulationError
@@ -44,7 +44,7 @@ def _between_programs(name: str, fit: Fit, agreed: Fit) -> float:
     return max(agreed.deviation(name) ** 2 - fit.deviation(name) ** 2, 0.0)
 
 
-class Decisions:
+class Decisions(Stage):
     """What is named of a set of causes.
 
     Attributes:
@@ -53,19 +53,8 @@ class Decisions:
 
     def __init__(self, rivals: Rivals) -> None:
         """Nothing is decided yet."""
-        self.rivals, self.screening, self.fits, self.known = (
-            rivals,
-            rivals.screening,
-            rivals.fits,
-            rivals.known,
-        )
-        fits = self.fits
-        self.model, self.problem, self.budget, self.spreads = (
-            fits.model,
-            fits.problem,
-            fits.budget,
-            fits.spreads,
-        )
+        super().__init__(rivals.known)
+        self.rivals, self.screening, self.fits = rivals, rivals.screening, rivals.fits
         self.on_all = False
 
     def _held_own(self, best: Candidate) -> dict[str, float]:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from cosim.anysystem.actions import PARAMETER, Action, each, of_all
 from cosim.anysystem.search.finding import Candidate
-from cosim.anysystem.search.known import Known
+from cosim.anysystem.search.known import Known, Stage
 from cosim.inference.problem import DIFFERENCE, EVALUATIONS, FINE, Fit
 from cosim.inference.unknowns import Unknown
 
@@ -28,7 +28,7 @@ SCANNED = 9  # values of a limit over its range
 DRIFTS = 1.25  # times the error of a run (RMS): least squares leave hardly less than the likelihood where noise is noise
 
 
-class Fits:
+class Fits(Stage):
     """Sets of causes and their fits.
 
     Attributes:
@@ -39,13 +39,7 @@ class Fits:
 
     def __init__(self, known: Known) -> None:
         """Nothing is fitted yet."""
-        self.known = known
-        self.model, self.problem, self.budget, self.spreads = (
-            known.model,
-            known.problem,
-            known.budget,
-            known.spreads,
-        )
+        super().__init__(known)
         self.learned = False
         self.steady = False
         self.by_log: tuple[int, ...] = ()

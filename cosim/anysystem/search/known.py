@@ -625,3 +625,17 @@ class Known:
                     "the residual is far above the reading's noise, and what was measured does not tell it directly"
                 )
         return found
+
+
+class Stage:
+    """A stage of the search in one group: what all of them work on.
+
+    Attributes:
+        known: the group without a cause.
+        model, problem, budget, spreads: its own, as `Known` has them.
+    """
+
+    def __init__(self, known: Known) -> None:
+        """Nothing is done yet."""
+        self.known, self.model, self.problem = known, known.model, known.problem
+        self.budget, self.spreads = known.budget, known.spreads

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from cosim.anysystem.actions import PARAMETER, Action
 from cosim.anysystem.search.finding import Candidate, Finding
 from cosim.anysystem.search.fits import CLOSE, NAMED
-from cosim.anysystem.search.known import SIZE
+from cosim.anysystem.search.known import SIZE, Stage
 from cosim.anysystem.search.screening import Screening
 from cosim.errors import SimulationError
 from cosim.inference.problem import DIFFERENCE, FINE, Fit
@@ -23,7 +23,7 @@ ALONG = 0.9  # of the square of a slope that lies along another's: what may do t
 FAINT = 20.0  # times NAMED, under the white noise alone: what a moderate size does is no more, and is looked at again
 
 
-class Rivals:
+class Rivals(Stage):
     """Other causes in the place of those that are named.
 
     Attributes:
@@ -32,14 +32,8 @@ class Rivals:
 
     def __init__(self, screening: Screening) -> None:
         """Nothing is compared yet."""
-        self.screening, self.fits, self.known = screening, screening.fits, screening.known
-        fits = self.fits
-        self.model, self.problem, self.budget, self.spreads = (
-            fits.model,
-            fits.problem,
-            fits.budget,
-            fits.spreads,
-        )
+        super().__init__(screening.known)
+        self.screening, self.fits = screening, screening.fits
         self.moved: dict[Action, Action] = {}
 
     def at_outputs(self, best: Candidate, singles: Sequence[Candidate]) -> Candidate:

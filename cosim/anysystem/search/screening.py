@@ -15,7 +15,7 @@ from cosim.anysystem.actions import (
 )
 from cosim.anysystem.search.finding import Candidate, parameter
 from cosim.anysystem.search.fits import NAMED, OTHERS, PROMISE, SCREENED, Fits
-from cosim.anysystem.search.known import PARTS
+from cosim.anysystem.search.known import PARTS, Stage
 from cosim.inference.problem import DIFFERENCE, Fit
 from cosim.inference.unknowns import Unknown
 from cosim.system.effects import EFFECTS
@@ -96,7 +96,7 @@ class Look:
     fitted: list[dict[str, float]] = field(default_factory=list)
 
 
-class Screening:
+class Screening(Stage):
     """The look at every candidate.
 
     Attributes:
@@ -107,13 +107,8 @@ class Screening:
 
     def __init__(self, fits: Fits, most: int) -> None:
         """Nothing is tried yet."""
-        self.fits, self.known, self.most = fits, fits.known, most
-        self.model, self.problem, self.budget, self.spreads = (
-            fits.model,
-            fits.problem,
-            fits.budget,
-            fits.spreads,
-        )
+        super().__init__(fits.known)
+        self.fits, self.most = fits, most
         self.tried: list[Candidate] = []
         self.sizes: dict[Action, float] = {}
 

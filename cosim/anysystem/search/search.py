@@ -8,7 +8,7 @@ from cosim.anysystem.model import GroupModel
 from cosim.anysystem.search.decisions import Decisions
 from cosim.anysystem.search.finding import Candidate, Finding, Trust, parameter
 from cosim.anysystem.search.fits import CLOSE, NAMED, PROMISE, Fits
-from cosim.anysystem.search.known import Known
+from cosim.anysystem.search.known import Known, Stage
 from cosim.anysystem.search.rivals import Rivals
 from cosim.anysystem.search.screening import KEPT, Screening
 from cosim.diagnosis.budget import Budget
@@ -22,7 +22,7 @@ ASKED = 3  # parameters that are taken as exact, where nothing else explains a l
 MOST = 3  # causes in a group
 
 
-class Search:
+class Search(Stage):
     """The search in one group.
 
     Attributes:
@@ -50,17 +50,11 @@ class Search:
         Raises:
             SimulationError: it cannot be run at all.
         """
-        known = self.known = Known(model, trust, exclude, budget)
-        fits = self.fits = Fits(known)
+        super().__init__(Known(model, trust, exclude, budget))
+        fits = self.fits = Fits(self.known)
         screening = self.screening = Screening(fits, most)
         self.decisions = Decisions(Rivals(screening))
-        self.model, self.problem, self.budget, self.spreads = (
-            known.model,
-            known.problem,
-            known.budget,
-            known.spreads,
-        )
-        self.accepted = known.null
+        self.accepted = self.known.null
 
     def wrong(self) -> dict[str, str]:
         """Signals that are systematically wrong without any cause, with words."""
