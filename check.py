@@ -77,6 +77,21 @@ def checked(
     return thread
 
 
+def compiled_once(pytest_arguments: list[str], environment: dict[str, str]) -> None:
+    """Collect the tests once by themselves: what they import is compiled then, not by each process at the same time.
+
+    Nothing is said of it: what cannot be collected is told by the tests themselves.
+    """
+    subprocess.run(
+        [sys.executable, "-m", "pytest", "--collect-only", "-qq", *pytest_arguments],
+        cwd=TOP,
+        env=environment,
+        check=False,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+
+
 def main() -> int:
     """Runs the steps and returns the exit code."""
     parser = argparse.ArgumentParser(
@@ -98,6 +113,7 @@ def main() -> int:
     for name, command in wanted.items():
         if name == "tests":
             beside = checked("types", types, environment, failed)
+            compiled_once(rest, environment)
         print(f"== {name}: {' '.join(command)}", flush=True)
         if subprocess.run([sys.executable, "-m", *command], cwd=TOP, env=environment, check=False).returncode:
             failed.append(name)

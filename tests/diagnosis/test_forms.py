@@ -27,7 +27,7 @@ def diagnosed_of(effect: str, friction: str, seed: int, seconds: float = 30.0, e
 @pytest.mark.parametrize(
     ("effect", "friction", "how"),
     [
-        (COULOMB, "lugre", (14.0, "steps")),
+        (COULOMB, "lugre", (10.0, "steps")),
         *(
             pytest.param(*case, (30.0,), marks=pytest.mark.slow)
             for case in [(STRIBECK, "lugre"), (COULOMB, "smooth"), (STRIBECK, "smooth")]

@@ -68,7 +68,7 @@ def test_too_little_says_nothing() -> None:
     )  # four periods of 0.4 Hz in ten seconds
 
 
-@pytest.mark.parametrize("rate", [pytest.param(1000, marks=pytest.mark.slow), 100])
+@pytest.mark.parametrize("rate", [pytest.param(1000, marks=pytest.mark.slow), 50])
 def test_a_vessel_that_rolls_is_unexplained_and_not_slow_noise(tmp_path, rate: int) -> None:
     """One period in 6.5 s, of 5 to 6 times the noise: it was called adequate."""
     rng = np.random.default_rng(24)

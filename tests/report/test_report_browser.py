@@ -56,6 +56,12 @@ def opened(browser, diagnosed) -> Visit:
     return visit(browser, diagnosed / "report.html")
 
 
+@pytest.fixture(scope="module")
+def left_as_found(browser, diagnosed) -> Visit:
+    """A page for tests that fold and zoom back what they unfolded and zoomed."""
+    return visit(browser, diagnosed / "report.html")
+
+
 def until(page: object, condition: str, seconds: float = 60.0) -> None:
     """Ask from outside until a condition holds: the page's policy lets nobody wait inside it (that would evaluate text)."""
     end = time.monotonic() + seconds
@@ -119,18 +125,20 @@ def test_the_first_screen_shows_the_verdict_and_where_it_comes_from(opened):
         assert box["y"] + box["height"] < 900
 
 
-def test_a_report_of_one_cause_is_half_as_high_as_it_once_was(browser, diagnosed):
+def test_a_report_of_one_cause_is_half_as_high_as_it_once_was(left_as_found):
     """4375 px for one named cause in November 2026; what is not needed at first sight is folded, and opens."""
-    page = visit(browser, diagnosed / "report.html").page
+    page = left_as_found.page
     assert page.evaluate("document.documentElement.scrollHeight") <= 4375 / 2
     table = page.get_by_role("columnheader", name="RMSE before")
     assert not table.is_visible()
     page.get_by_text("Errors in numbers").click()
     assert table.is_visible()
+    page.get_by_text("Errors in numbers").click()
+    assert not table.is_visible()
 
 
-def test_paper_has_the_numbers_and_the_screen_folds_them_again(browser, diagnosed):
-    page = visit(browser, diagnosed / "report.html").page
+def test_paper_has_the_numbers_and_the_screen_folds_them_again(left_as_found):
+    page = left_as_found.page
     table = page.get_by_role("columnheader", name="RMSE before")
     page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
     assert table.is_visible()
@@ -138,8 +146,8 @@ def test_paper_has_the_numbers_and_the_screen_folds_them_again(browser, diagnose
     assert not table.is_visible()
 
 
-def test_a_plot_is_zoomed_and_moved_by_keys(browser, diagnosed):
-    page = visit(browser, diagnosed / "report.html").page
+def test_a_plot_is_zoomed_and_moved_by_keys(left_as_found):
+    page = left_as_found.page
     reach = "document.getElementById('{}').layout.xaxis.range.map(Number)"
     signal, residual = reach.format("signal-slew"), reach.format("residual-mechanical-slew")
     low, high = page.evaluate(signal)
@@ -154,15 +162,17 @@ def test_a_plot_is_zoomed_and_moved_by_keys(browser, diagnosed):
     until(page, f"{signal}[1] - {signal}[0] > {0.99 * (high - low)}")
 
 
-def test_a_print_keeps_every_plot_within_the_paper(browser, diagnosed):
+def test_a_single_cause_prints_on_four_pages_and_every_plot_within_the_paper(browser, diagnosed):
     found = visit(browser, diagnosed / "report.html")
     found.page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
-    found.page.wait_for_timeout(300)
+    found.page.wait_for_timeout(500)
     every = "[...document.querySelectorAll('.plot .main-svg')]"
     widths = found.page.evaluate(f"{every}.map(s => s.getBoundingClientRect().width)")
     assert widths
     assert max(widths) <= 700  # A4 less margins at 96 dots an inch
-    assert found.page.pdf(format="A4").startswith(b"%PDF")
+    printed = found.page.pdf(format="A4")
+    assert printed.startswith(b"%PDF")
+    assert 1 <= len(re.findall(rb"/Type\s*/Page\b", printed)) <= 4
 
 
 @pytest.mark.parametrize("language", ["en", "de"])
@@ -224,8 +234,8 @@ def test_what_is_within_noise_is_folded_and_a_click_on_its_block_opens_it(browse
     assert page.locator("#residual-dcv-spool").is_visible()
 
 
-def test_a_cause_is_taken_out_and_put_back(browser, diagnosed):
-    page = visit(browser, diagnosed / "report.html").page
+def test_a_cause_is_taken_out_and_put_back(left_as_found):
+    page = left_as_found.page
     states = (
         "document.getElementById('residual-mechanical-slew').data"
         ".filter(t => ['extended model', 'without Coulomb friction'].includes(t.name)).map(t => t.visible ?? true)"
@@ -270,14 +280,6 @@ def test_dark_as_the_system_says_or_by_key_and_white_on_paper(browser, diagnosed
     until(page, f"String({look}) === 'dark,#12161c'")
     page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
     until(page, f"String({look}) === 'light,#fff'")
-
-
-def test_a_single_cause_prints_on_four_pages(browser, diagnosed):
-    page = visit(browser, diagnosed / "report.html").page
-    page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
-    page.wait_for_timeout(500)
-    pages = re.findall(rb"/Type\s*/Page\b", page.pdf(format="A4"))
-    assert 1 <= len(pages) <= 4
 
 
 def test_two_causes_print_on_five_pages(browser, tmp_path):
