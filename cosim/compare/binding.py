@@ -174,9 +174,7 @@ def _bound(system: System, signal: str, unit: str | None, text: str, factor: str
         gain = gain_between(signal, unit or item.unit, item.unit, factor)
         return Binding(signal, unit or item.unit, None, (), item.targets, gain, True)
     if text not in system.outputs and not _exists(system, text) and signal in system.outputs:
-        text = (
-            signal  # a package of ours with a linear model in the place of the blocks that the mapping names
-        )
+        text = signal  # an extended package with a linear model in the place of the blocks that are named
     if text not in system.outputs and not _exists(system, text):
         known = [f"{c.name}.{name}" for c in system.components.values() for name in c.fmu.variables]
         hint = did_you_mean(text, [*system.inputs, *system.outputs, *known])

@@ -50,7 +50,7 @@ from fmus.contract import Effect
 
 Array = NDArray[np.float64]
 
-HALVINGS = 4  # of a step, before none is taken
+HALVINGS = 4  # lengths of a step, each half of the one before, until none is taken
 
 
 @dataclass(frozen=True)
@@ -456,12 +456,10 @@ def left_out_errors(
 
     found, at = [], errors_at(np.zeros(len(names)))
     for i, step in enumerate(steps):
-        errors, least = errors_at(step), elsewhere(at, i)
-        for _ in range(HALVINGS):  # a straight line that leads astray makes the others' errors larger
-            if elsewhere(errors, i) <= least:
+        for halving in range(HALVINGS):  # a straight line that leads astray makes the others' errors larger
+            errors = errors_at(0.5**halving * step)
+            if elsewhere(errors, i) <= elsewhere(at, i):
                 break
-            step = 0.5 * step
-            errors = errors_at(step)
         else:
             errors = at
         found.append(errors[i])
