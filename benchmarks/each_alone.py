@@ -16,7 +16,6 @@ import sys
 import tempfile
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field
-from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.real_logs import AXES, DATA, MAPPINGS, TOP
+from benchmarks.real_logs import AXES, DATA, MAPPINGS, TOP, pairs
 
 Size = tuple[float, tuple[float, float]]  # value and 95 % interval, in the answer's unit
 
@@ -81,11 +80,6 @@ def diagnosed(axis: str, log: Path, others: Iterable[Path]) -> Alone:
             told = cosim("compare", str(other), "--mapping", mapping, "--model", f"{folder}/extended.ssp")
             row.others.append(next(iter(told["signals"].values()))["rmse"])
     return row
-
-
-def pairs(rows: Sequence[Alone]) -> list[tuple[Alone, Alone]]:
-    """Pairs of logs of one axis of which one at least names something."""
-    return [(a, b) for a, b in combinations(rows, 2) if a.axis == b.axis and (a.causes or b.causes)]
 
 
 def in_common(one: Alone, other: Alone) -> float:

@@ -292,25 +292,22 @@ def version() -> str:
     return found.stdout.strip()
 
 
+def pairs(rows: Sequence[Any]) -> list[tuple[Any, Any]]:
+    """Pairs of rows, each with an `axis` and `causes`, of one axis, one of them at least naming a cause."""
+    return [(a, b) for a, b in combinations(rows, 2) if a.axis == b.axis and (a.causes or b.causes)]
+
+
 def same_names(rows: Sequence[Row]) -> tuple[int, int]:
     """Pairs of one axis's answers that name the same effects, one of them at least naming any, and all such pairs."""
-    by_axis: dict[str, list[set[str]]] = defaultdict(list)
-    for row in rows:
-        if row.verdict:
-            by_axis[row.axis].append(set(row.causes))
-    pairs = [(a, b) for named in by_axis.values() for a, b in combinations(named, 2) if a or b]
-    return sum(a == b for a, b in pairs), len(pairs)
+    found = pairs([row for row in rows if row.verdict])
+    return sum({*a.causes} == {*b.causes} for a, b in found), len(found)
 
 
 def agreeing(rows: Sequence[Row]) -> tuple[int, int]:
     """Pairs as of `same_names` in which all that one names the other names, too, or declares alike with it."""
-    by_axis: dict[str, list[Row]] = defaultdict(list)
-    for row in rows:
-        if row.verdict:
-            by_axis[row.axis].append(row)
-    pairs = [(a, b) for own in by_axis.values() for a, b in combinations(own, 2) if a.causes or b.causes]
-    agree = [{*a.causes} <= {*b.causes, *b.alike} and {*b.causes} <= {*a.causes, *a.alike} for a, b in pairs]
-    return sum(agree), len(pairs)
+    found = pairs([row for row in rows if row.verdict])
+    agree = [{*a.causes} <= {*b.causes, *b.alike} and {*b.causes} <= {*a.causes, *a.alike} for a, b in found]
+    return sum(agree), len(found)
 
 
 def summary(rows: Sequence[Row]) -> list[str]:

@@ -62,6 +62,14 @@ def record(seed: int, *hidden: str, **options: float) -> Record:
     return prepare(log(seed, *hidden, **options), our_machine("full_order"))
 
 
+def with_friction(record: Record) -> Finding:
+    """Dry friction named in a record of mechanics of which no number is trusted."""
+    task = task_for(MECHANICS, record, [])
+    null = nominal(task, record, CALIBRATED_TRUST)
+    effect = registry.effects()[FRICTION]
+    return Finding(task, null, tried(task, (effect,), CALIBRATED_TRUST, null.fit), free=True)
+
+
 @pytest.fixture(scope="module")
 def pair() -> list[Record]:
     """Two logs that hide friction of 25 N m, the second with three times the noise and from another angle."""
@@ -210,9 +218,7 @@ def test_a_log_left_out_by_one_step_errs_as_one_that_was_not_fitted(
     effect, record = registry.effects()["mechanical.coulomb_friction"], joined(pair)
 
     def found(record: Record) -> tuple[Finding, Fit]:
-        task = task_for(MECHANICS, record, [])
-        null = nominal(task, record, CALIBRATED_TRUST)
-        finding = Finding(task, null, tried(task, (effect,), CALIBRATED_TRUST, null.fit), free=True)
+        finding = with_friction(record)
         return finding, estimator(finding, (effect,), CALIBRATED_TRUST, finding.chosen.fit)
 
     finding, both = found(record)
@@ -242,10 +248,12 @@ def test_a_quarter_of_one_log_is_left_out_as_a_log_is_of_several() -> None:
 
 def test_a_log_of_a_few_windows_judges_nothing_by_its_quarters() -> None:
     rule, record = plain(2, 5, False), Record(H, {"u": np.zeros(79)})
-    assert each_in_turn(record, rule) is None
-    longer = each_in_turn(Record(H, {"u": np.zeros(80)}), rule)
-    assert longer is not None
-    assert longer.in_turn
+    assert each_in_turn(record, rule, CALIBRATED_TRUST) is None
+    longer = Record(H, {"u": np.zeros(80)})
+    held = each_in_turn(longer, rule, CALIBRATED_TRUST)
+    assert held is not None
+    assert held.in_turn
+    assert each_in_turn(longer, rule, 0.01) is None  # what is trusted judges by windows
 
 
 @pytest.mark.parametrize("estimator", [refitted, onward])
@@ -253,10 +261,8 @@ def test_a_quarter_left_out_by_one_step_errs_as_one_that_was_not_fitted(
     pair: list[Record], estimator: Callable[..., Fit]
 ) -> None:
     """The step from the fit to all of one log, against a fit to the windows of its other quarters."""
-    effect, record = registry.effects()["mechanical.coulomb_friction"], pair[0]
-    task = task_for(MECHANICS, record, [])
-    null = nominal(task, record, CALIBRATED_TRUST)
-    finding = Finding(task, null, tried(task, (effect,), CALIBRATED_TRUST, null.fit), free=True)
+    record, finding = pair[0], with_friction(pair[0])
+    task, (effect,) = finding.task, finding.chosen.effects
     whole = estimator(finding, (effect,), CALIBRATED_TRUST, finding.chosen.fit)
     walked = estimator is onward
     each = left_out_errors(finding, (effect,), whole, "slew", CALIBRATED_TRUST, walked)
@@ -270,10 +276,8 @@ def test_a_quarter_left_out_by_one_step_errs_as_one_that_was_not_fitted(
 
 def test_a_step_that_leads_astray_is_not_taken(pair: list[Record], monkeypatch) -> None:
     """Far from where it was taken a straight line says nothing: without a quarter the others would be described worse."""
-    effect, record = registry.effects()["mechanical.coulomb_friction"], pair[0]
-    task = task_for(MECHANICS, record, [])
-    null = nominal(task, record, CALIBRATED_TRUST)
-    finding = Finding(task, null, tried(task, (effect,), CALIBRATED_TRUST, null.fit), free=True)
+    record, finding = pair[0], with_friction(pair[0])
+    task, (effect,) = finding.task, finding.chosen.effects
     fit = refitted(finding, (effect,), CALIBRATED_TRUST, finding.chosen.fit)
     inside = np.split(fit.residuals["slew"], fold_cuts(task.rules["slew"], record.time.size))
     monkeypatch.setattr(
@@ -290,9 +294,7 @@ def test_of_logs_of_one_window_nothing_goes_on_to_the_next() -> None:
     both = joined(
         [record(seed, "mechanical.coulomb_friction:tau_c=25 N.m", seconds=5.0) for seed in (31, 32)]
     )
-    task = task_for(MECHANICS, both, [])
-    null = nominal(task, both, CALIBRATED_TRUST)
-    finding = Finding(task, null, tried(task, (effect,), CALIBRATED_TRUST, null.fit), free=True)
+    finding = with_friction(both)
     found = onward(finding, (effect,), CALIBRATED_TRUST, finding.chosen.fit)
     assert found.values["mechanical.tau_c"] == pytest.approx(
         finding.chosen.fit.values["mechanical.tau_c"], rel=0.02

@@ -133,9 +133,7 @@ def estimate_alone(
     ):  # what the extension is held against has its own parameters fitted as well
         diagnosis.calibrated = plain.values
 
-    if record.cuts or (
-        held is None and tolerance >= CALIBRATED_TRUST and each_in_turn(record, rule) is not None
-    ):
+    if record.cuts or (held is None and each_in_turn(record, rule, tolerance) is not None):
         fold = fold_numbers(task.rules, record.time.size, walked, mask)
         diagnosis.between = over_logs(best, fold, partial(off_value, {"": finding}))
 

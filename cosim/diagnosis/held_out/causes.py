@@ -36,6 +36,7 @@ from cosim.diagnosis.residuals.cross_validation import fold_cuts, fold_numbers, 
 from cosim.diagnosis.residuals.finding import Finding
 from cosim.diagnosis.thresholds import (
     AS_WELL,
+    CALIBRATED_TRUST,
     CANCELLING,
     HOPELESS,
     INDISTINGUISHABLE,
@@ -82,14 +83,15 @@ def held_logs(records: Sequence[Record], logs: Sequence[Log]) -> Held:
     return Held(joined(records), 0, tuple(log.name for log in logs), ", ".join(log.sha256 for log in logs))
 
 
-def each_in_turn(record: Record, rule: Whitener) -> Held | None:
+def each_in_turn(record: Record, rule: Whitener, tolerance: float) -> Held | None:
     """The logs of a record, each left out in turn, or the quarters of one log; None of one of a few windows.
 
-    What a machine, its operator or what the model lacks changes within a log, its windows have in common as the windows of
-    one log among several: a cause has to help where nothing was fitted.
+    Nor where nominal parameters are trusted: there windows judge, with what is trusted. What a machine, its operator or
+    what the model lacks changes within a log, its windows have in common as the windows of one log among several: a cause
+    has to help where nothing was fitted.
     """
-    many = rule.log_of(record.time.size).size >= FEWEST_PARTS
-    return Held(record, 0, in_turn=True) if record.cuts or many else None
+    many = record.cuts or rule.log_of(record.time.size).size >= FEWEST_PARTS
+    return Held(record, 0, in_turn=True) if many and tolerance >= CALIBRATED_TRUST else None
 
 
 @dataclass(frozen=True)
@@ -365,8 +367,8 @@ def predicts_better(held: Held, tolerance: float, done: Steps) -> Judge:
 def surer(finding: Finding, at: Step) -> Iterator[tuple[Effect, ...]]:
     """A set with something simpler in the place of a cause whose size is not sure: Coulomb for Stribeck friction."""
     for effect in (e for e in at.effects if e.name in at.unsure):
-        rest = tuple(e for e in at.effects if e != effect)
-        yield from ((*rest, e) for e in simpler(finding, effect) if e.name not in {r.name for r in rest})
+        _, *others = narrowed(finding, at.effects, effect)
+        yield from others
 
 
 def listed_trials(finding: Finding) -> Iterator[Trial]:

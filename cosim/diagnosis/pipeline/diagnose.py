@@ -239,9 +239,7 @@ def named_in(
     driving = known if group.moves and not record.sparse else []
     done: Steps = {}
     task = begun(found, group, constants, driving)
-    # where nominal parameters are not trusted logs or parts of one judge one another; else windows do, with what is trusted
-    rule = next(iter(task.rules.values()))
-    others = held or (each_in_turn(record, rule) if trust >= CALIBRATED_TRUST else None)
+    others = held or each_in_turn(record, next(iter(task.rules.values())), trust)
     better = None if others is None else predicts_better(others, trust, done)
     finding = find(task, record, trust, most, better)
     current().allow(share)

@@ -53,8 +53,8 @@ def fold_cuts(rule: Whitener, count: int) -> tuple[int, ...]:
     """First sample, of `count`, of each fold but the first."""
     if rule.cuts:
         return rule.cuts
-    firsts = np.searchsorted(fold_of(rule, count), np.arange(1, FOLDS))
-    return tuple(int(np.argmax(rule.layout.numbers(count) >= first)) for first in firsts)
+    firsts, numbers = np.searchsorted(fold_of(rule, count), np.arange(1, FOLDS)), rule.layout.numbers(count)
+    return tuple(int(np.argmax(numbers >= first)) for first in firsts)
 
 
 def fold_numbers(
