@@ -81,6 +81,11 @@ def _sure(answer: Answer) -> str:
     if told:
         end = "; the run proposed below would" if answer.next_experiment is not None else ""
         return " ".join(f"{text}." for text in [*told[:-1], f"{told[-1]}{end}"])
+    as_well = sorted({called(r.effect) for r in answer.refused if r.instead in named})
+    if as_well:
+        return (
+            f"Explanations that fit the log as well predict data that were left out worse: {listed(as_well)}."
+        )
     if any(cause.rivals for cause in answer.causes):
         return "Every other explanation that was tried fits the log clearly worse."
     return "No other effect of the library comes near."

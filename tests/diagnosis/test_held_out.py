@@ -338,8 +338,10 @@ def test_a_fall_that_was_not_held_against_a_cause_is_no_mere_one(in_fitted) -> N
 
 def test_what_would_stand_in_place_of_a_cause_is_said_of_named_ones_only() -> None:
     item = Refused(BACKLASH, "mechanical", "slew", 0.5, 0.1, 0.2, instead=COULOMB.name)
-    assert turned_down(item, {COULOMB.name}).why.startswith(f"in place of {COULOMB.name} it explains")
-    assert f"as {COULOMB.name} does, which is not named either" in turned_down(item, ()).why
+    beside, alone = turned_down(item, {COULOMB.name}), turned_down(item, ())
+    assert beside.why.startswith(f"in place of {COULOMB.name} it explains")
+    assert f"as {COULOMB.name} does, which is not named either" in alone.why
+    assert (beside.instead, alone.instead) == (COULOMB.name, None)
 
 
 def test_a_set_that_the_search_has_fitted_is_judged_from_there(monkeypatch) -> None:

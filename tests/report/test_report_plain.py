@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from report_helpers import empty_answer, named
 
-from cosim.diagnosis.answer.schema import Location, Signal, SignalGain
+from cosim.diagnosis.answer.schema import Location, RefusedCause, Rival, Signal, SignalGain
 from cosim.lexicon import ELECTRIC_DRIVER, Lexicon, speaking
 from cosim.machines.make import DRIVER
 from cosim.report.material import Material, Noise, Part
@@ -109,6 +109,21 @@ def test_each_of_several_causes_says_what_it_cannot_be_told_from():
     assert text == "This log cannot tell dry friction from cracking pressure of the counterbalance valve."
     alone = dict(three_sentences(material(causes=[told])))["How sure"]
     assert alone == "This log cannot tell it from cracking pressure of the counterbalance valve."
+
+
+def test_what_only_data_left_out_told_apart_is_said_so():
+    """ "Fits the log clearly worse" would be wrong of a rival that fits as well and was refused on other data."""
+    refused = {"block": "mechanical", "why": "worse", "instead": "mechanical.stribeck_friction"}
+    peak = named("mechanical.stribeck_friction", {"tau_s": 50.0})
+    peak = peak.model_copy(update={"rivals": [Rival(effect="mechanical.inertia", why_not="50 behind")]})
+    level = RefusedCause(effect="mechanical.coulomb_friction", **refused)
+    text = dict(three_sentences(material(causes=[peak], refused=[level])))["How sure"]
+    assert (
+        text == "Explanations that fit the log as well predict data that were left out worse: dry friction."
+    )
+    gone = level.model_copy(update={"instead": None})
+    text = dict(three_sentences(material(causes=[peak], refused=[gone])))["How sure"]
+    assert text == "Every other explanation that was tried fits the log clearly worse."
 
 
 def test_where_nothing_is_wrong_there_is_no_extended_model():

@@ -176,7 +176,8 @@ def turned_down(item: Refused, named: Collection[str]) -> RefusedCause:
             f"it gains {item.gain:.0f} in log-likelihood on the fitted data, but taken as a whole these do not determine "
             f"its size; {error}"
         )
-    return RefusedCause(effect=item.effect.name, block=item.group, why=why)
+    instead = item.instead if item.instead in named else None
+    return RefusedCause(effect=item.effect.name, block=item.group, why=why, instead=instead)
 
 
 def is_part(span: tuple[float, float], log: Log) -> bool:

@@ -92,12 +92,14 @@ class NamedCause(Model):
 class RefusedCause(Model):
     """A cause that the fitted data ask for and the held-out data do not bear out, or that leaves too much.
 
-    Of a system of FMUs `parameters` has its numbers where it is one of the causes that come nearest.
+    Of a system of FMUs `parameters` has its numbers where it is one of the causes that come nearest. `instead` is the named
+    cause in whose place it explains the fitted data alike.
     """
 
     effect: str
     block: str
     why: str
+    instead: str | None = None
     parameters: dict[str, Parameter] = {}
 
 
