@@ -93,6 +93,7 @@ def log(seed: int, changed: Mapping[str, float], h: float = 0.02, count: int = 1
     return recording(h * np.arange(count), u, y + noise)
 
 
+@pytest.mark.slow
 def test_a_neutral_is_not_told_from_the_dead_zone_on_one_side(axis: Path) -> None:
     """Two break points are three numbers; what they leave is refitted with the exchange."""
     found = diagnosed(axis, [log(3, {"neutral": 0.25, "dz_down": 0.3})], [*STATED, "neutral"])
@@ -108,6 +109,7 @@ def test_a_neutral_is_not_told_from_the_dead_zone_on_one_side(axis: Path) -> Non
     assert number["neutral"] - number["dz_down"] == pytest.approx(-0.05, abs=0.01)
 
 
+@pytest.mark.slow
 def test_logs_of_one_duty_each_show_nothing_wrong_by_themselves_only(axis: Path) -> None:
     """Two free numbers tell any speed: that each log agrees with some of them says nothing of which log is at fault."""
     logs = []

@@ -105,6 +105,7 @@ def test_a_cause_that_may_be_none_within_what_two_programs_make_of_one_model_is_
     assert decisions._none_within(action, fit, agreed) is none
 
 
+@pytest.mark.slow
 def test_where_an_fmu_makes_steps_of_its_own_what_they_err_is_said_to_be_among_the_unexplained(
     command, tmp_path: Path
 ) -> None:

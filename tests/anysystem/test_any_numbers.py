@@ -110,7 +110,11 @@ def test_fitted_numbers_are_told_beside_those_of_the_model(fmus: dict[str, Path]
     )
 
 
-@pytest.mark.parametrize(("told", "part"), [(False, 0.8), (True, 0.5)], ids=["wanders", "a law"])
+@pytest.mark.parametrize(
+    ("told", "part"),
+    [(False, 0.8), pytest.param(True, 0.5, marks=pytest.mark.slow)],
+    ids=["wanders", "a law"],
+)
 def test_a_cause_that_leaves_much_is_named_where_no_input_tells_the_rest(
     fmus: dict[str, Path], tmp_path: Path, told: bool, part: float
 ) -> None:

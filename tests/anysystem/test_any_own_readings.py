@@ -41,7 +41,10 @@ def case(kind: str, *hidden: Hidden) -> Case:
 
 @pytest.mark.parametrize(
     ("where", "effect", "values"),
-    [("sensor", "port.rate_limit", {"rate": 1.5}), ("output", "port.gain", {"gain": 0.8})],
+    [
+        pytest.param("sensor", "port.rate_limit", {"rate": 1.5}, marks=pytest.mark.slow),
+        ("output", "port.gain", {"gain": 0.8}),
+    ],
 )
 def test_a_reading_that_drives_its_own_group_is_told_from_the_quantity(
     fmus: dict[str, Path], tmp_path: Path, where: str, effect: str, values: dict[str, float]
@@ -136,6 +139,7 @@ def test_an_estimate_that_a_switch_within_a_component_holds_is_left_for_a_better
     assert abs(found.fit.values[size.name] - 9.1) < 0.03
 
 
+@pytest.mark.slow
 def test_what_others_say_of_a_reading_holds_for_each_group_that_it_drives(tmp_path):
     """An output that is off drives two groups: one cannot tell, took the reading for wrong and lacked a gain."""
     if parts.COMPILER is None:

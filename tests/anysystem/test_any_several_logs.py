@@ -188,7 +188,7 @@ def test_a_log_that_does_not_cut_a_loop_leaves_it_to_one_that_does(tmp_path: Pat
         assert set(cut_by_logs(system, [whole, cut]).own["sum+valve+tail"]) == {0, 1}
 
 
-@pytest.mark.parametrize("held", [False, True])
+@pytest.mark.parametrize("held", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_a_limit_that_is_another_in_each_log_is_named_with_its_interval(
     native: Path, command, tmp_path: Path, held: bool
 ) -> None:
@@ -221,6 +221,7 @@ def test_a_limit_that_is_another_in_each_log_is_named_with_its_interval(
         assert high - low > 0.1 * abs(true)  # three logs that differ by a quarter tell no mean to a per cent
 
 
+@pytest.mark.slow
 def test_a_limit_that_one_of_three_logs_lacks_is_one_of_the_others(
     native: Path, command, tmp_path: Path
 ) -> None:
@@ -309,7 +310,6 @@ def test_a_cause_that_nothing_but_the_others_told_from_none_goes_with_them(
         refused = {r["effect"].split()[0]: r["why"] for r in found["refused"]}
         return {c["effect"]: "" for c in found["causes"]} | refused
 
-    assert named("both") == {"port.dead_zone": "", "port.offset": ""}
     effects: list[set[str]] = []
 
     def none_told(self: Decisions, action: Action, between: Mapping[str, object]) -> bool:

@@ -126,7 +126,7 @@ def test_a_wrong_reading_in_a_loop_is_one_cause_and_no_second_one_in_what_it_dri
 
 @pytest.mark.parametrize(
     ("port", "where", "size"),
-    [("plant.y", "output", 0.4), ("plant.u", "input", 0.3)],
+    [pytest.param("plant.y", "output", 0.4, marks=pytest.mark.slow), ("plant.u", "input", 0.3)],
 )
 def test_what_is_not_in_the_vocabulary_stays_unexplained_and_its_port_and_function_are_told(
     native: Path, command, tmp_path: Path, port: str, where: str, size: float

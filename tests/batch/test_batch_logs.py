@@ -157,8 +157,8 @@ def test_a_folder_of_logs_is_diagnosed(logs: Path, tmp_path: Path) -> None:
 def test_a_mapping_of_a_machine_is_that_of_all_logs(tmp_path: Path, task: str) -> None:
     """Not the crane: a motor with a dead zone of a tenth, of which two logs tell speed and lag."""
     for number in (1, 2):
-        t = 0.02 * np.arange(1500)
-        u = np.repeat(np.random.default_rng(number).uniform(-1.0, 1.0, 60), 25)
+        t = 0.02 * np.arange(600)
+        u = np.repeat(np.random.default_rng(number).uniform(-1.0, 1.0, 24), 25)
         speed, kept = np.zeros(t.size), np.exp(-0.02 / 0.1)
         for k in range(1, t.size):
             moved = np.sign(u[k - 1]) * max(abs(u[k - 1]) - 0.1, 0.0)

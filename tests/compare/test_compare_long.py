@@ -47,6 +47,7 @@ def test_pieces_and_files_change_no_bit(built, clean, tmp_path, monkeypatch, suf
         assert files[1].read().equals(files[0].read(), check_metadata=True)
 
 
+@pytest.mark.slow
 def test_long_logs_are_run_by_native_fmus_with_the_same_numbers(built, clean, monkeypatch):
     try:
         compiler()

@@ -20,6 +20,7 @@ def told_without_noise(*hidden: str, model="full_order", excitation="mixed", sec
     return diagnose(as_log(run), model=model)
 
 
+@pytest.mark.slow
 def test_a_clean_log_without_noise_is_adequate() -> None:
     found = told_without_noise(excitation="steps", seconds=12.0)
     assert found.verdict == "adequate"

@@ -38,7 +38,9 @@ def test_what_is_not_listed_is_found_in_nineteen_logs_of_twenty(monkeypatch) -> 
     assert found == pytest.approx(0.95, abs=1e-3)  # 1.64 for 1.645
 
 
-@pytest.mark.parametrize(("excitation", "never"), [("small_steps", True), ("steps", False)])
+@pytest.mark.parametrize(
+    ("excitation", "never"), [pytest.param("small_steps", True, marks=pytest.mark.slow), ("steps", False)]
+)
 def test_orifice_flow_is_listed_where_hardly_any_pressure_stands_against_it(excitation, never) -> None:
     found = diagnosed(seed=5, excitation=excitation, blocks=("continuity",))
     assert found.verdict == "adequate"

@@ -29,7 +29,7 @@ def diagnosed_of(folder, seed: int, how=("jog", 30.0, 0.9), sensing=None, model=
             "mechanical.stribeck_friction", FRICTION | {"law": 1}, "delta", 1.0, 30.0, marks=pytest.mark.slow
         ),
         pytest.param("mechanical.stribeck_friction", FRICTION, "", math.nan, 30.0, marks=pytest.mark.slow),
-        ("sensor.lag", {"tau_l": 0.1, "lags": 2}, "q_l", 0.25, 12.0),
+        pytest.param("sensor.lag", {"tau_l": 0.1, "lags": 2}, "q_l", 0.25, 12.0, marks=pytest.mark.slow),
         pytest.param("sensor.lag", {"tau_l": 0.1}, "", math.nan, 30.0, marks=pytest.mark.slow),
         pytest.param(
             "mechanical.backlash", {"gap": 0.006, "creep": 0.06}, "tau_b", 0.06, 30.0, marks=pytest.mark.slow

@@ -20,7 +20,13 @@ LAG = "sensor.lag:tau_l=120 ms"
             30.0,
             marks=pytest.mark.slow,
         ),
-        (["sensor.gain:gain=1.04"], {"sensor.gain": ("gain", 1.04)}, "steps", 16.0),
+        pytest.param(
+            ["sensor.gain:gain=1.04"],
+            {"sensor.gain": ("gain", 1.04)},
+            "steps",
+            16.0,
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_lag_is_told_from_the_clock(

@@ -94,6 +94,7 @@ def test_a_faint_event_in_a_narrow_band_is_found() -> None:
     assert found.end - found.start < 3.0
 
 
+@pytest.mark.slow
 def test_a_push_is_located_in_its_block_and_its_seconds() -> None:
     run = make_log("mixed", 40.0, ["unknown.torque_burst:t_burst=22 s,tau_burst=300 N.m"], seed=71)
     log = as_log(run)

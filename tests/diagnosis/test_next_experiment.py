@@ -38,6 +38,7 @@ def test_an_experiment_is_read_as_often_as_the_log_was_sampled() -> None:
     assert spread[5001:6001].sum() == pytest.approx(evidence[501:601].sum(), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_log_slower_than_the_command_gets_an_experiment_too(tmp_path: Path) -> None:
     log = as_log(make_log("steps", 12.0, HIDDEN, seed=4, amplitude=0.8))
     slow = replace(log, time=log.time[::10], signals={n: v[::10] for n, v in log.signals.items()})

@@ -72,6 +72,7 @@ def test_of_several_logs_each_begins_in_its_own_state(run: RigRun) -> None:
     assert found["mechanical.omega_0@1"] == 0.0
 
 
+@pytest.mark.slow
 def test_a_clean_log_that_begins_in_motion_is_adequate(run: RigRun) -> None:
     found = diagnose(cut_off(as_log(run), BEGIN, end=15.0))
     assert found.verdict == "adequate"

@@ -61,7 +61,7 @@ def computed(changed: dict[str, float], seed: int) -> Log:
 @pytest.mark.parametrize(
     ("changed", "named"),
     [
-        ({}, []),
+        pytest.param({}, [], marks=pytest.mark.slow),
         pytest.param({"mechanical.tau_c": 60.0}, ["mechanical.coulomb_friction"], marks=pytest.mark.slow),
         pytest.param({"dcv.K": 2.52e-3}, ["dcv.gain"], marks=pytest.mark.slow),
     ],

@@ -46,7 +46,7 @@ START = {"mechanical.theta_0": 0.3}
             },
         ),
         ("physical", {}),
-        (
+        pytest.param(
             "physical",
             {
                 "mechanical.tau_c": 80.0,
@@ -56,6 +56,7 @@ START = {"mechanical.theta_0": 0.3}
                 "continuity.C_L": 6e-12,
                 "continuity.R_s": 2e10,
             },
+            marks=pytest.mark.slow,
         ),
     ],
     ids=["nominal", "first", "second", "third", "physical", "physical, changed"],

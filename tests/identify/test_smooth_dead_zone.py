@@ -45,6 +45,7 @@ def test_a_smooth_valve_is_found(sharpness):
     assert curve.rmse < 0.1 * curve.rmse_sharp
 
 
+@pytest.mark.slow
 def test_a_sharp_valve_is_said_to_be_sharp(monkeypatch):
     log = ramp_log(None)
     found = identify_dead_zone(log, KNOWN)

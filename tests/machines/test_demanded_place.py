@@ -119,6 +119,7 @@ def test_its_delay_is_named_in_words_of_a_place(loaded):
         assert [quantity(name)[1] for name in ("theta", "omega")] == ["m", "m/s"]
 
 
+@pytest.mark.slow
 def test_a_place_that_was_taken_for_the_sum_of_its_command_is_told(loaded):
     mapping, log = loaded
     text = mapping.read_text(encoding="utf-8")

@@ -371,6 +371,7 @@ def test_a_response_that_does_not_integrate(excitation):
     assert found.share > 0.99
 
 
+@pytest.mark.slow
 def test_a_mass_without_friction_is_a_model_too(tmp_path):
     """The friction that it lacks is named with its size: 1 % is more than five of its standard deviations."""
     fine = 0.001 * np.arange(12000)
