@@ -60,6 +60,7 @@ def answer(found: AnyDiagnosis, package: Packages | None = None, file: Path | No
         localisation=localisation(found),
         causes=[named(found, group, action) for group, action in found.causes()],
         extended=package,
+        span=found.span,
         gain=gains(found),
         unexplained=unexplained(found),
         next_experiment=next_experiment(found, file),

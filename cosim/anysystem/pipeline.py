@@ -1,6 +1,7 @@
 """The diagnosis of any system, on one page: cut, drive each group by what was measured, name, ask the neighbours."""
 
 import math
+import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -16,12 +17,23 @@ from cosim.anysystem.model import HOLD, GroupModel, Quantity, Segment, place
 from cosim.anysystem.options import AnyOptions
 from cosim.anysystem.read import Recording, begun, value_of
 from cosim.anysystem.readings import stale_of
-from cosim.anysystem.search import CLOSE, MOST_COARSE, Candidate, Finding, Search, Trust, errors, worth
+from cosim.anysystem.search import (
+    CLOSE,
+    MOST_COARSE,
+    Candidate,
+    Finding,
+    Search,
+    Trust,
+    errors,
+    extended,
+    worth,
+)
 from cosim.anysystem.smooth import followed, still
 from cosim.anysystem.start import settable
-from cosim.anysystem.thin import alike, factors, loses_noise_alone, share, thinned
+from cosim.anysystem.stretch import PROBES, head, lengths, part_of
+from cosim.anysystem.thin import ENOUGH, alike, factors, loses_noise_alone, share, thinned
 from cosim.diagnosis.budget import Budget
-from cosim.diagnosis.thresholds import FEWEST_SAMPLES
+from cosim.diagnosis.thresholds import FEWEST_SAMPLES, WORSE_ELSEWHERE
 from cosim.errors import DataError, OutOfTimeError, SimulationError
 from cosim.inference.problem import Problem
 from cosim.logs.log import whole_interval
@@ -44,6 +56,7 @@ PAUSED = 0.01  # of a log: shorter pauses need no word
 WHOLLY = 0.999  # of a limit: rounding apart it is reached
 FAR = 5.0  # spreads of a reading by which a model errs that is in another unit, or runs away
 NO_LOGS: tuple[frozenset[int], frozenset[int]] = (frozenset(), frozenset())
+FASTER = "sampled far faster than anything in it moves"
 SAID = 3e-3  # of a signal's spread: what a finer solver changes of it is said
 
 
@@ -68,6 +81,7 @@ class AnyDiagnosis:
         budget: the time allowed, and what was left out for it.
         stage: what goes on.
         proposal: the next experiment.
+        span: first and last stamp of the part of a single log that is used, s; None for all of it, or of several logs.
         stated: ``component.variable`` -> what the mapping says of parameters and of inputs that were not measured.
         only: group -> numbers of the logs in which its causes are, where others show that they are not there; and of these.
         missing: group that stays wrong -> where what is missing enters; None where nobody can tell.
@@ -96,6 +110,7 @@ class AnyDiagnosis:
     missing: dict[str, Missing | None] = field(default_factory=dict)
     only: dict[str, tuple[frozenset[int], frozenset[int]]] = field(default_factory=dict)
     stated: dict[str, Value] = field(default_factory=dict)
+    span: tuple[float, float] | None = None
 
     @property
     def groups(self) -> tuple[CutGroup, ...]:
@@ -276,8 +291,10 @@ def diagnose_system(
     runs.load(list(dict.fromkeys(unit for own in theirs for unit in own.units)))
     runs.stop, runs.left = found.budget.end, lambda: found.budget.left(GRACE, BRIEFLY)
     found.budget.allow(SEARCHED)
+    whole = list(logs)
     with suppress(OutOfTimeError):  # said of each group
         thin(found, runs, trust, options)
+        shorten(found, runs, trust, options)
     for segment in found.segments:
         for name in segment.signals.keys() & set(names):
             segment.driving[name] = still(segment.signals[name])
@@ -305,6 +322,8 @@ def diagnose_system(
         reasons = "; ".join(f"{g}: {why}" for g, why in found.unjudged.items())
         raise DataError(f"no component can be judged: {reasons}")
     found.verdict = verdict_of(found)
+    with suppress(OutOfTimeError, SimulationError):
+        found.notes += over_the_rest(found, whole, runs, options)
     found.stage = found.stage if found.budget.ended else "looking for the next experiment"
     with found.budget.searching():
         most = allowed(runs)
@@ -476,7 +495,7 @@ def thin(found: AnyDiagnosis, runs: Runs, trust: Trust, options: AnyOptions) -> 
             coarse = [thinned(s, every, real) for s in found.segments]
             if all(bears(g, coarse, every) for g in groups):
                 found.notes += [
-                    f"{log.source.name}: sampled far faster than anything in it moves: {s.h:g} s are enough"
+                    f"{log.source.name}: {FASTER}: {s.h:g} s are enough"
                     for log, s, all_of_it in zip(found.logs, coarse, found.segments, strict=True)
                     if s is not all_of_it
                 ]
@@ -484,6 +503,92 @@ def thin(found: AnyDiagnosis, runs: Runs, trust: Trust, options: AnyOptions) -> 
                 return
     except SimulationError:  # which is said where the group is judged
         return
+
+
+def shorten(found: AnyDiagnosis, runs: Runs, trust: Trust, options: AnyOptions) -> None:
+    """Take a part of each log, where one run of all of it takes longer than a diagnosis can run hundreds of times."""
+    groups = [g for g in found.groups if g.judged and found.cuts.own[g.name]]
+    counts = [s.count for s in found.segments]
+    longest = found.segments[int(np.argmax(counts))]
+    if sum(counts) <= ENOUGH or longest.count < PROBES[-1]:
+        return
+    values = {f"{PARAMETER}|{n}": v for n, v in trust.free.items()}
+
+    def taken(count: int) -> float:
+        began = time.monotonic()
+        for group in groups:
+            if longest.number in found.cuts.own[group.name]:
+                model_of(found, group, runs, [head(longest, count)], options)(values)
+        return time.monotonic() - began
+
+    try:
+        with runs.exact():
+            taken(PROBES[0] // 2)  # loads them
+            few, many = (taken(count) for count in PROBES)
+    except SimulationError:  # which is said where the group is judged
+        return
+    one = max(many - few, 0.0) / (PROBES[1] - PROBES[0])
+    wanted = lengths(counts, one, found.budget.seconds)
+    if wanted is None:
+        return
+    judged = {signal for group in groups for signal, _ in group.judged}
+    told = set(options.start.values())
+    parts = [
+        part_of(log, judged, told, round(count * log.time.size / segment.count))
+        for log, segment, count in zip(found.logs, found.segments, wanted, strict=True)
+    ]
+    takes = f"one run of {'it' if len(parts) == 1 else 'all logs'} takes {one * sum(counts):.2g} s"
+    found.notes = [n for n in found.notes if FASTER not in n] + [
+        f"{log.source.name}: {takes}, and a diagnosis makes hundreds: it uses {part.time[0]:g} to {part.time[-1]:g} s, "
+        "where the inputs visit most (more of it with --budget 1h)"
+        for log, part in zip(found.logs, parts, strict=True)
+        if part is not log
+    ]
+    if len(parts) == 1:
+        found.span = (float(parts[0].time[0]), float(parts[0].time[-1]))
+    found.logs, (found.segments, _) = parts, segments_of(parts, found.held)
+    thin(found, runs, trust, options)
+
+
+def over_the_rest(
+    found: AnyDiagnosis, whole: Sequence[Recording], runs: Runs, options: AnyOptions
+) -> list[str]:
+    """What the causes explain in the parts of logs that had no share in the diagnosis: one run of each, of all of it."""
+    used = {k: part for k, (log, part) in enumerate(zip(whole, found.logs, strict=True)) if part is not log}
+    notes: list[str] = []
+    if not used or found.budget.over:
+        return notes
+    segments = [s for s in segments_of(whole, found.held)[0] if s.number in used]
+    for finding in found.findings.values():
+        for segment in segments:
+            if segment.number not in found.cuts.own[finding.model.group.name]:
+                continue
+            model = like(found, finding.model, [segment])
+            model.drives, model.base = {}, finding.model.base | begins(model, options)
+            causes = extended(finding, finding.fitted or finding.chosen)
+            before, after = (model(values) for values in (finding.null.fit.values, causes))
+            times, part = segment.start + segment.h * np.arange(segment.count), used[segment.number]
+            inside = (times >= part.time[0]) & (times <= part.time[-1])
+            for signal, _ in model.cuts[0].judged:
+                here, there = inside & segment.known(signal), ~inside & segment.known(signal)
+                first, last = (
+                    segment.signals[signal] - series[place(signal, 0)] for series in (before, after)
+                )
+                text = f"{whole[segment.number].source.name}: in the rest of it the error of {signal} "
+                if finding.named:
+                    notes.append(
+                        text + f"is {ratio(last[there], first[there]):.2g} times that of the model as it is"
+                    )
+                elif (more := ratio(last[there], last[here])) > WORSE_ELSEWHERE:
+                    notes.append(text + f"is {more:.2g} times that of the part used")
+    return notes
+
+
+def ratio(errors: Array, others: Array) -> float:
+    """Root mean square of some errors over that of others; 1 where there are none."""
+    if not errors.size or not np.any(others):
+        return 1.0
+    return float(np.sqrt(np.mean(errors**2) / np.mean(others**2)))
 
 
 def in_some_logs(
