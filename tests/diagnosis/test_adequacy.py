@@ -126,13 +126,14 @@ def test_the_parts_of_the_rule() -> None:
 
 @pytest.mark.slow
 def test_a_drive_that_friction_holds_is_not_called_a_dead_sensor() -> None:
-    """Both explain a slew that hardly moves; a sensor that reads a thirtieth of the angle is the less likely of the two."""
+    """Friction of any size beyond the drive's torque says the same; not to know which is no doubt about it."""
     found = diagnosed(
         "mechanical.coulomb_friction:tau_c=400 N.m", seed=52, seconds=30.0, excitation="small_steps"
     )
     (cause,) = found.causes
-    assert cause.effect.name != "sensor.gain"
-    assert {"sensor.gain", "mechanical.coulomb_friction"} <= {cause.effect.name, *cause.indistinguishable}
+    named = {cause.effect.name, *cause.indistinguishable}
+    assert "mechanical.coulomb_friction" in named
+    assert "sensor.gain" not in named
 
 
 @pytest.mark.slow

@@ -405,6 +405,15 @@ def test_a_size_that_the_next_log_may_not_have_is_no_cause() -> None:
     assert not none_between_logs(SimpleNamespace(between={}), cause, model)  # type: ignore[arg-type]
 
 
+GROUP = SimpleNamespace(name="mechanical")
+
+
+def fitted(**slopes: float) -> dict[str, object]:
+    """A finding of the group whose fit has such a slope along each parameter."""
+    fit_ = SimpleNamespace(values=slopes, slopes=np.array([list(slopes.values())]), count=1)
+    return {GROUP.name: SimpleNamespace(chosen=SimpleNamespace(fit=fit_))}
+
+
 STRIBECK, STOP, DELAY = (
     registry.effects()[n] for n in ("mechanical.stribeck_friction", "mechanical.end_stop", "dcv.delay")
 )
@@ -435,18 +444,31 @@ def test_a_cause_whose_size_may_be_none_goes(
         },
         deviations=deviations,
         correlations={("mechanical.tau_c", "mechanical.tau_s"): correlation},
+        findings=fitted(),
     )
-    model = SimpleNamespace(nominal=lambda name: 0.0)
+    model = SimpleNamespace(nominal=lambda name: 0.0, group=GROUP)
     assert least_sure(found, [STRIBECK, DELAY], model) == named  # type: ignore[arg-type]
+
+
+def test_a_size_beyond_which_nothing_changes_is_not_held_against_its_cause() -> None:
+    """The friction of a drive that it holds: any size beyond the drive's torque says the same: its deviation is the search's."""
+    level = registry.effects()["mechanical.coulomb_friction"]
+    model = SimpleNamespace(nominal=lambda name: 0.0, group=GROUP)
+    sizes = {"mechanical.tau_c": 300.0}, {"mechanical.tau_c": 150.0}
+    for slope, named in ((0.0, []), (1e-3, [level])):
+        findings = fitted(**{"mechanical.tau_c": slope})
+        found = SimpleNamespace(values=sizes[0], deviations=sizes[1], correlations={}, findings=findings)
+        assert least_sure(found, [level], model) == named  # type: ignore[arg-type]
 
 
 def test_what_ended_at_its_off_values_is_no_cause() -> None:
     """Of an end of the travel out of reach nothing is left, however well it is known to be there."""
     ends = {"mechanical.theta_max": 1e9, "mechanical.theta_min": -1e9}
-    model = SimpleNamespace(nominal=ends.__getitem__)
+    model = SimpleNamespace(nominal=ends.__getitem__, group=GROUP)
     for farthest, named in ((1e9, [STOP]), (0.3, [])):
         values = ends | {"mechanical.theta_max": farthest}
-        found = SimpleNamespace(values=values, deviations=dict.fromkeys(ends, 1e-3), correlations={})
+        deviations = dict.fromkeys(ends, 1e-3)
+        found = SimpleNamespace(values=values, deviations=deviations, correlations={}, findings=fitted())
         assert least_sure(found, [STOP], model) == named  # type: ignore[arg-type]
 
 

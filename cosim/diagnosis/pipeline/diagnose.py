@@ -18,6 +18,7 @@ from cosim.diagnosis.fitting.bounds import cannot_be, greatest_torque
 from cosim.diagnosis.fitting.chain import Known, task_for
 from cosim.diagnosis.fitting.fit import Task
 from cosim.diagnosis.fitting.group_model import GroupModel
+from cosim.diagnosis.fitting.limits import idle
 from cosim.diagnosis.fitting.propagated import propagated
 from cosim.diagnosis.fitting.trials import Trial, candidates_of, freed, tried, without
 from cosim.diagnosis.found import Diagnosis, Interrupted
@@ -480,9 +481,14 @@ def refused_unsure(finding: Finding, cause: Cause, without: Trial) -> Refused:
 
 
 def share_of_sure(found: Diagnosis, effect: Effect, model: GroupModel) -> float:
-    """Wald's statistic of an effect's sizes against none, over what it must reach; infinite where none was estimated."""
+    """Wald's statistic of an effect's sizes against none, over what it must reach; infinite where none was estimated.
+
+    Of a size beyond which nothing changes, such as the friction of a drive that it holds, the deviation is the search's: the
+    gain over none has told it from that.
+    """
     sizes = sizes_of(effect, model, found.values) if known_in(found, effect) else {}
-    names = [n for n in sizes if found.deviations.get(n, 0.0) > 0.0]
+    fit_ = found.findings[model.group.name].chosen.fit
+    names = [n for n in sizes if found.deviations.get(n, 0.0) > 0.0 and not idle(fit_, n)]
     if not names:
         return np.inf
     pairs = found.correlations
