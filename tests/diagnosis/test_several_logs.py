@@ -451,7 +451,7 @@ def test_a_cause_whose_size_may_be_none_goes(
 
 
 def test_a_size_beyond_which_nothing_changes_is_not_held_against_its_cause() -> None:
-    """The friction of a drive that it holds: beyond its torque any size says the same: its deviation is the search's."""
+    """Friction that holds a drive: beyond its torque any size says the same, and its deviation is the search's."""
     level = registry.effects()["mechanical.coulomb_friction"]
     model = SimpleNamespace(nominal=lambda name: 0.0, group=GROUP)
     sizes = {"mechanical.tau_c": 300.0}, {"mechanical.tau_c": 150.0}
