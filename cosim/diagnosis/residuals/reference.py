@@ -5,7 +5,7 @@ them would only stand in for these.
 """
 
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -317,9 +317,34 @@ def fitted_to(
         pair = evened(
             record.signals[drive], record.signals[signal], record.time, record.h, numbers, cuts=record.cuts
         )
-        keep = (pair.window >= 0) & ~held[np.maximum(pair.window, 0)]
-        fitted[drive, signal] = reference(data_of(pair, False, keep))
+        model = reference(fit_data(pair, held))
+        if pair.h > record.h:
+            fine = evened(
+                record.signals[drive],
+                record.signals[signal],
+                record.time,
+                record.h,
+                numbers,
+                record.h,
+                record.cuts,
+            )
+            model = with_gains_of(model, fit_data(fine, held))
+        fitted[drive, signal] = model
     return fitted[drive, signal]
+
+
+def fit_data(pair: Uniform, held: NDArray[np.bool_]) -> Data:
+    """The points (n,) of all windows but those that judge (windows,)."""
+    return data_of(pair, False, (pair.window >= 0) & ~held[np.maximum(pair.window, 0)])
+
+
+def with_gains_of(model: LinearModel, data: Data) -> LinearModel:
+    """A model with the gains that finer data give it, its poles kept.
+
+    Of poles as quick as the samples coarser data show the sum only: gains that cancel there do not between these.
+    """
+    solved = data.solved(model.sections, data.rows(data.y[None])[0])
+    return replace(model, gains=solved.gains, rest=data.rest)
 
 
 def free_run(
