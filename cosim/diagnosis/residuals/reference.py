@@ -4,7 +4,7 @@ Where it beats the extended model on data held out, linear dynamics are missing,
 them would only stand in for these.
 """
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -18,7 +18,7 @@ from cosim.diagnosis.residuals.cross_validation import held_windows, left_out_st
 from cosim.diagnosis.thresholds import AS_WELL, PART_CROSSINGS, REFERENCE_PARTS, REFERENCE_WINDOWS
 from cosim.inference.held_out import mean_squares as begun_anew
 from cosim.inference.held_out import ratio_ci95
-from cosim.inference.linear import Data, LinearModel, reference
+from cosim.inference.linear import Data, LinearModel, model_of, reference
 from cosim.inference.pieces import Cuts, by_piece
 
 Array = NDArray[np.float64]
@@ -247,13 +247,30 @@ def of_group(task: Task, found: Fit, time: Array) -> Reference:
         found: the fitted model.
         time: (n,) stamps, s.
     """
+    return beside(task, found, time, lambda data: reference(data))
+
+
+def of_same_order(task: Task, found: Fit, time: Array) -> Reference:
+    """The same with a linear model of no more dynamics than a drive by itself has, a lag, and without a delay."""
+    group = task.model.group
+    highest = 1 if group.is_speed(next(iter(task.measured))) or not group.integrates else 2
+
+    def plain(data: Data) -> LinearModel:
+        sections = replace(reference(data, highest).sections, delay=0.0)
+        return model_of(data, sections, data.rows(data.y[None])[0])
+
+    return beside(task, found, time, plain)
+
+
+def beside(task: Task, found: Fit, time: Array, fit: Callable[[Data], LinearModel]) -> Reference:
+    """A group's model beside the linear one that `fit` makes of the same data; as `of_group`."""
     signal = next(iter(task.measured))
     rule = task.rules[signal]
     y = task.measured[signal]
     window = windows_of(rule, y.size)
     cuts = task.model.cuts
     pair = evened(task.model.drive, y, time, task.model.h, window, cuts=cuts)
-    model = reference(data_of(pair, rule.demean, pair.window >= 0))
+    model = fit(data_of(pair, rule.demean, pair.window >= 0))
     left = np.zeros(pair.u.size)
     left[pair.window >= 0] = model.left_out
     # the same smoothing for both: what lies within a bin is noise
