@@ -9,6 +9,7 @@ from cosim.console import warn
 from cosim.errors import DataError, ModelError, UsageError
 from cosim.master.inputs import Series
 from cosim.paths import ssp_folder
+from cosim.results import DisplayUnit
 from cosim.signals import LOG_SIGNALS
 from cosim.ssp import System, read_ssv
 from cosim.ssp.build import CLOSED, LOOPS, SYSTEMS, built_package
@@ -143,6 +144,7 @@ class Played:
         starts: ``component.variable`` -> what the mapping says of parameters and of inputs that were not measured, and of
             initial values what their signals begin with.
         hold: inputs that keep each value until the next sample, as the mapping says; None where that is as usual.
+        shown: input or output of the system -> how its mapping has it, where it is that of a machine.
     """
 
     inputs: Mapping[str, Series]
@@ -150,6 +152,7 @@ class Played:
     stop: float
     starts: Mapping[str, Value] = field(default_factory=dict)
     hold: tuple[str, ...] | None = None
+    shown: Mapping[str, DisplayUnit] = field(default_factory=dict)
 
 
 def read_inputs(file: Path, mapping: Path | None, system: System, step: float) -> Played:
@@ -168,7 +171,7 @@ def read_inputs(file: Path, mapping: Path | None, system: System, step: float) -
         )
     ours = all(part.fmu.ours for part in system.components.values())
     starts: dict[str, Value] = {}
-    hold = None
+    hold, seen = None, dict[str, DisplayUnit]()
     if not ours and (mapping is not None or _called_like_connectors(file, system)):
         time, columns, starts, hold = _mapped(file, mapping, system)
     elif mapping is not None or (ours and set(wanted) <= set(LOG_SIGNALS)):
@@ -177,6 +180,7 @@ def read_inputs(file: Path, mapping: Path | None, system: System, step: float) -
             warn(warning)
         time, columns = log.time, {name: log[name] for name in wanted if name in log.signals}
         starts = _begun(log, mapping, system, list(columns))
+        seen = _shown(log, mapping, system)
     else:
         time, columns = _table(file, system)
     if not columns:
@@ -184,7 +188,18 @@ def read_inputs(file: Path, mapping: Path | None, system: System, step: float) -
     first = float(time[0])
     steps = int((float(time[-1]) - first) / step + 1e-6)
     series = {name: (time, values) for name, values in columns.items()}
-    return Played(series, first, first + steps * step, starts, hold)
+    return Played(series, first, first + steps * step, starts, hold, seen)
+
+
+def _shown(log: "Log", mapping: Path | None, system: System) -> dict[str, DisplayUnit]:
+    """Units of a machine's input and output as its mapping has them: its connectors have the blocks' (a torque in Pa)."""
+    from cosim.compare.mapping import load_mapping
+
+    plain, table = load_mapping(mapping) if mapping is not None else (None, None)
+    if plain is None or table is None or not plain.machine:
+        return {}
+    ends = {*system.inputs, *system.outputs} & log.signals.keys() - table.signals.keys()
+    return {n: DisplayUnit(log.display[n], factor(log.units[n], log.display[n])) for n in ends}
 
 
 def _begun(log: "Log", mapping: Path | None, system: System, drives: list[str]) -> dict[str, Value]:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from cosim.compare.metrics import white_noise
 from cosim.diagnosis.record.signatures import resting, rounded
+from cosim.diagnosis.thresholds import RESTING_RUN
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -15,6 +16,7 @@ ON = 0.02  # of the step: so near to the grid a value lies on it
 FEW = 0.2  # distinct values per sample at most
 STALE = 0.01  # share of repeated samples from which they are no accident
 MISSED = 0.5  # of a reading's usual change: less than that at the end of repeated samples is nothing missed
+SHAKES = 3.0  # times the usual change at most by which a reading goes on that has missed nothing
 NEAR_BY = 100  # samples of about one size, in which a file's digits show
 WHOLE = 0.05  # of the last digit: changes are so near to whole ones where readings are written with that many digits,
 ON_DIGITS = 0.95  # of them
@@ -93,6 +95,23 @@ def jumps_after(series: Array, repeats: NDArray[np.bool_]) -> Array:
     return change[ends] / usual if usual > 0.0 else np.zeros(0)
 
 
+def standing(series: Array) -> NDArray[np.bool_]:
+    """(n,) True where a reading repeats itself for long and has missed nothing, and at the ends, where nothing would show.
+
+    A machine whose motion shakes its sensor is noisy under way and stands without noise.
+    """
+    same = np.concatenate([[False], np.diff(series) == 0.0, [False]])
+    edges = np.flatnonzero(same[1:] != same[:-1])
+    change = np.abs(np.diff(series))
+    usual = float(np.median(change[change > 0.0])) if change.any() else 0.0
+    found = np.zeros(series.size, dtype=bool)
+    for first, last in zip(edges[::2], edges[1::2], strict=True):  # of the readings that are alike
+        at_end = first == 0 or last == series.size - 1
+        if at_end or (last - first >= RESTING_RUN and change[last] <= SHAKES * usual):
+            found[first : last + 1] = True
+    return found
+
+
 def by_chance(series: Array) -> float:
     """How many samples of a noisy reading repeat the last one because of the digits with which it is written.
 
@@ -115,7 +134,10 @@ def by_chance(series: Array) -> float:
 
 def stale_of(series: list[Array], model: list[Array]) -> Stale | None:
     """Repeated samples of a reading that is noisy, or whose model moves meanwhile; those of a machine at rest are none."""
-    repeats = [np.concatenate([[False], np.diff(s) == 0.0]) & ~(resting(s) | rounded(s)) for s in series]
+    repeats = [
+        np.concatenate([[False], np.diff(s) == 0.0]) & ~(resting(s) | rounded(s) | standing(s))
+        for s in series
+    ]
     speed = [np.abs(np.diff(m, prepend=m[:1])) for m in model]
     for s, own, v in zip(series, repeats, speed, strict=True):
         if not _tells(s[~own], v, own):  # a machine at rest in one log says nothing of its sensor in another

@@ -1,6 +1,6 @@
 """A simulation as it is asked for."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +15,7 @@ from cosim.errors import UsageError
 from cosim.logs import Log
 from cosim.master import Limits, Runner
 from cosim.request import model_path, parameters, read_inputs
-from cosim.results import Result
+from cosim.results import DisplayUnit, Result
 from cosim.ssp.archive import scratch_folder
 from cosim.ssp.build import SYSTEMS
 from cosim.ssp.quantities import of_reading
@@ -72,6 +72,7 @@ def run(asked: Asked) -> Result:
         start = system.start_time or 0.0
         stop = DEFAULT_STOP if system.stop_time is None else system.stop_time
         step = asked.step or system.step_size or _usual_step(system, start, stop)
+        shown: Mapping[str, DisplayUnit] = {}
         options: dict[str, Any] = {
             "parameters": parameters(system, asked.parameter_sets, asked.settings),
             "record": asked.record,
@@ -84,7 +85,7 @@ def run(asked: Asked) -> Result:
         elif played is not None:
             driven = read_inputs(played, mapping, system, step)
             options["inputs"], options["start_time"], stop = driven.inputs, driven.start, driven.stop
-            options["hold"] = driven.hold
+            options["hold"], shown = driven.hold, driven.shown
             options["parameters"] = {**driven.starts, **options["parameters"]}
         stop = stop if asked.stop is None else asked.stop
         if asked.start is not None:
@@ -95,6 +96,7 @@ def run(asked: Asked) -> Result:
         with console.progress(f"simulating {system.name}", stop - options["start_time"]) as bar:
             simulate = runner.coupling_error if asked.estimate_error else runner.run
             result = simulate(stop, step, progress=bar, **options)
+        result.display.update({result.aliases.get(name, name): unit for name, unit in shown.items()})
         if own:
             told = ", ".join(f"{name} {value:.6g}{unit}" for name, (value, unit) in own.items())
             result.notes.append(f"by the FMU's own default experiment: {told}")

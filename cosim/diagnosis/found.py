@@ -1,12 +1,13 @@
 """What a diagnosis has found so far; it grows stage by stage, so that an interruption leaves what was done."""
 
 from dataclasses import dataclass, field
+from math import sqrt
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.compare.metrics import noise_floor
+from cosim.compare.metrics import noise_floor, resolution
 from cosim.diagnosis.budget import Budget
 from cosim.diagnosis.held_out.between import Between
 from cosim.diagnosis.held_out.causes import Held, Refused
@@ -135,11 +136,12 @@ class Diagnosis:
     def noise(self) -> dict[str, float]:
         """Signal -> size of its noise per sample, SI: what is left where everything is explained."""
         floors = {s: floor_of(f, s) for f in self.findings.values() for s in f.task.rules}
-        if (
-            self.in_place is not None
-        ):  # what it leaves of a signal that never rests is less than what the blocks leave
+        if self.in_place is not None:
+            # what it leaves of a signal that never rests is less than what the blocks leave; at rest both leave nothing
             for s in floors.keys() & self.after.keys():
-                floors[s] = min(floors[s], noise_floor(self.record.signals[s] - self.after[s], self.record.h))
+                measured = self.record.signals[s]
+                left = noise_floor(measured - self.after[s], self.record.h)
+                floors[s] = min(floors[s], max(left, resolution(measured) / sqrt(12.0)))
         for s in floors.keys() & self.gains.keys():
             if 0.0 < self.gains[s].after < LESS_THAN_NOISE * floors[s]:
                 floors[s] = self.gains[s].after

@@ -105,14 +105,18 @@ def moving(log: Log, name: str) -> Array:
     return travels(log, name, SMALLEST_COMMAND if name == "u" else None)
 
 
-def travels(log: Log, name: str, least: float | None = None) -> Array:
+def travels(log: Log, name: str, least: float | None = None, driven: bool = False) -> Array:
     """A signal (n,) that must move by more than `least` [SI], or else than its noise, to be of use.
+
+    A torque that was `driven` may move in a few steps, which are no rounding.
 
     Raises:
         DataError: it is not in the log, or does not stand out from its noise.
     """
     values = log.require(name, WHAT.get(name, "this"))
     travel = float(np.ptp(values))
+    if least is None and driven and np.unique(values).size <= MOVES:
+        least = 0.0
     if least is None:
         least = MOVES * noise_floor(values, log.step)
     if travel <= least or float(np.std(values)) == 0.0:
@@ -159,7 +163,8 @@ def record(
         UsageError: the cut-off does not fit the log.
     """
     log, notes = even(log)
-    given, made = moving(log, source), moving(log, target)
+    given = moving(log, source) if source == "u" else travels(log, source, driven=True)
+    made = moving(log, target)
     if source == "u" and not linear:
         given = valve_demand(given, dict(known))
     keep = measured(log, source, target)

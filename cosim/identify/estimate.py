@@ -104,7 +104,8 @@ class Fit:
         gradient = np.zeros(self.influence.shape[0])
         for i in range(q + m):
             # a tenth of the deviation: small against the estimate's spread, large against rounding
-            move = 0.1 * deviations[i] or 1e-6 * (abs(point[i]) or 1.0)
+            # where it is not told at all that would leave what can be computed
+            move = min(0.1 * deviations[i], abs(point[i]) or 1.0) or 1e-6 * (abs(point[i]) or 1.0)
             up, down = point.copy(), point.copy()
             up[i] += move
             down[i] -= move

@@ -77,6 +77,7 @@ class Mechanics:
         fit: of the torque in these samples up to that frequency, 100 (1 - |y - yhat| / |y|).
         held_out: the same of parts of the log, each predicted from the others.
         without_friction: the same with inertia and viscous friction alone.
+        one_way: the log moves one way only: what is told as dry friction is that and a constant load together.
     """
 
     motion: Motion
@@ -89,6 +90,7 @@ class Mechanics:
     fit: float
     held_out: float
     without_friction: float
+    one_way: bool = False
 
     def torque(self) -> Array:
         """The torque (n,) [N m] that the found numbers ask for."""
@@ -120,6 +122,8 @@ def identify_mechanics(motion: Motion, highest: float | None = None) -> Mechanic
         )
     problem = _Problem(motion, highest or coherent_band(motion.torque, motion.angle, motion.step))
     names, not_shown = list(UNITS), dict[str, Quantity]()
+    if problem.one_way:
+        names.remove("tau_load")
     while True:
         found = problem.solved(names)
         idle = [n for n in OPTIONAL if n in found and found[n].interval[0] <= 0.0 <= found[n].interval[1]]
@@ -141,6 +145,7 @@ def identify_mechanics(motion: Motion, highest: float | None = None) -> Mechanic
         problem.fit(found),
         problem.held_out(found),
         problem.held_out(found, ("J", "b")),
+        problem.one_way,
     )
 
 
@@ -174,6 +179,11 @@ class _Problem:
                 " and friction need motion in both directions over ten seconds and more"
             )
         self.row_numbers, self.torque_numbers = self.numbers(self.rows), self.numbers(motion.torque)
+
+    @property
+    def one_way(self) -> bool:
+        """True if the drive moves one way only, where the rows of dry friction and a load are the same."""
+        return np.unique(self.rows[2][self.used]).size == 1
 
     def differentiated(self, angle: Array) -> tuple[Array, Array]:
         """Rows (4, n) that go with J, b, tau_c and tau_load, and a smoother velocity (n,) [rad/s]."""

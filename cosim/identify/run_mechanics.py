@@ -153,7 +153,7 @@ def motion_of(log: Log, machine: Machine, settings: Sequence[str] = ()) -> Motio
     values = known_values(machine, settings)
     log, _ = even(log)
     pressure, to_pascal = _signal(machine, log, PRESSURE)
-    torque = values["A"] * values["r"] * to_pascal * travels(log, pressure)
+    torque = values["A"] * values["r"] * to_pascal * travels(log, pressure, driven=True)
     speed = None if _standing_for(machine, log, ANGLE) else _standing_for(machine, log, VELOCITY)
     shown, factor = speed or _signal(machine, log, ANGLE)
     radians = factor * travels(log, shown)
@@ -223,5 +223,10 @@ def _sentences(found: Mechanics, lexicon: Lexicon) -> list[str]:
     if {"tau_c", "tau_load"} <= found.values.keys():
         lines.append(
             "in motion a constant load cannot be told from dry friction that differs between the directions"
+        )
+    if found.one_way and "tau_c" in found.values:
+        lines.append(
+            "the drive moves one way only: what is told as dry friction is that and a constant load together; record motion "
+            "the other way as well to tell them apart"
         )
     return lines

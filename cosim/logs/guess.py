@@ -34,6 +34,7 @@ _DRIVES = rf"{_COMMAND}|\bu\b|ventil|valve|valvula|soupape|\bklep"
 # what a command may be called where nothing is called a command
 _INPUT = (
     r"(?<!analog )(?<!digital )\binput\b(?! ?\d)|\beingang\b|\bentrada\b|\bentree\b|\bingresso\b"
+    r"|\bthrottle\b(?! ?(angle|position|pos)\b)|\bsteering\b(?!.*(angle|rate|torque|wheel))"
     r"|\b(motor|anker|armature) ?(spannung|volt)|\besc\b|\bservo\b(?!.*(current|strom|volt|spannung))"
 )
 # what a drive is fed with

@@ -261,7 +261,8 @@ def _convertible(unit: str, target: str | None, prefix: str = "") -> None:
 def raw_reading(target: str | None) -> str:
     """What to write where a signal that is a share is read as a pulse, a voltage or counts."""
     return (
-        """; of a raw reading write unit = "1" and gain = 1 over its value at full command"""
+        """; of a raw reading, such as a voltage, write unit = "1" and gain = 1 over its value at full command, or, """
+        """without a gain, say under [machine] what one of it brings (speed = "25 rpm")"""
         if target == "1"
         else ""
     )

@@ -4,14 +4,21 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
 from threadpoolctl import threadpool_limits
 
 from cosim.console import stderr_console, typed, warn
 from cosim.diagnosis.answer.answer import answer
 from cosim.diagnosis.answer.credibility import credited
 from cosim.diagnosis.answer.curve import curve_of
-from cosim.diagnosis.answer.experiment import Proposal, first_of_all, proposal_for, write_command
+from cosim.diagnosis.answer.experiment import (
+    FULL,
+    Proposal,
+    Reach,
+    first_of_all,
+    proposal_for,
+    reached,
+    write_command,
+)
 from cosim.diagnosis.answer.schema import Answer
 from cosim.diagnosis.budget import Budget
 from cosim.diagnosis.found import Diagnosis, Interrupted
@@ -163,6 +170,8 @@ def delivered(found: Diagnosis, log: Log | Sequence[Log], folder: Path, watch: W
 def proposed(found: Diagnosis) -> Proposal | None:
     """The next experiment: what separates causes alike, or what shows most where the log shows nothing."""
     if found.at_rest:
+        if found.machine.drive != "u":
+            return None  # nothing says how far it may go
         rules = {s: r.of_any_log() for f in found.findings.values() for s, r in f.task.rules.items()}
         return first_of_all(found.machine.groups, rules, found.start, interval=found.record.h)
     return proposal_for(
@@ -171,15 +180,14 @@ def proposed(found: Diagnosis) -> Proposal | None:
         found.causes,
         found.start,
         found.values,
-        size=full_command(found),
+        reach=reach_of(found),
         interval=found.record.h,
     )
 
 
-def full_command(found: Diagnosis) -> float:
-    """The largest command that a proposal may use, SI: 1 for a valve's, as large as in the log for another drive."""
-    drive = found.machine.drive
-    return 1.0 if drive == "u" else float(np.max(np.abs(found.record.signals[drive])))
+def reach_of(found: Diagnosis) -> Reach:
+    """How far the command of a proposal may go, SI: what our valve takes, or what the log of another machine has shown."""
+    return FULL if found.machine.mapping is None else reached(found.record.signals[found.machine.drive])
 
 
 def handed_over(found: Diagnosis, log: Log | Sequence[Log], folder: Path) -> None:

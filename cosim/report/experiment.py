@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.diagnosis.answer.experiment import FULL
 from cosim.diagnosis.answer.remarks import shown
 from cosim.report.material import Experiment, Material
 from cosim.report.overview import judged
@@ -28,8 +29,9 @@ def picture(material: Material) -> Picture | None:
     unit, scale = shown(signal)
     size = bucket(found.command.size, found.h)
     names = [effect_in_block(model) for model in found.models]
+    of_command, drawn = command_axis(found.drive, found.command)
     at, u = envelope(found.command, size)
-    panels = [Panel(axis("command u", "%"), [Layer("line", "command", "measured", at * found.h, 100.0 * u)])]
+    panels = [Panel(of_command, [Layer("line", "command", "measured", at * found.h, drawn * u)])]
     layers = []
     for name, role, values in zip(names, ROLES, found.predicted[signal], strict=True):
         middle, mean = averaged(values * scale, size)
@@ -63,6 +65,14 @@ def picture(material: Material) -> Picture | None:
         told,
         parted,
     )
+
+
+def command_axis(drive: str, command: Array) -> tuple[str, float]:
+    """Words at the axis of a command (n,) SI, and the factor from SI: full command is 100 %, another drive has its unit."""
+    unit, scale = shown(drive)
+    if drive == "u" and unit == "1" and np.abs(command).max() <= FULL[1]:
+        return axis("command u", "%"), 100.0
+    return axis(signal_name(drive), unit), scale
 
 
 def difference(found: Experiment, signal: str) -> tuple[Array, Array, float]:
@@ -112,12 +122,14 @@ def _command_alone(material: Material) -> Picture | None:
         return None
     table = pd.read_csv(file)
     time, u = table.iloc[:, 0].to_numpy(np.float64), table.iloc[:, 1].to_numpy(np.float64)
-    at, values = envelope(u, bucket(u.size, float(time[1] - time[0])))
-    layer = Layer("line", "command", "extended", time[at.astype(int)], 100.0 * values)
+    drive = str(table.columns[1]).partition(" [")[0]
+    of_command, drawn = command_axis(drive, u / shown(drive)[1])
+    at, values = envelope(u / shown(drive)[1], bucket(u.size, float(time[1] - time[0])))
+    layer = Layer("line", "command", "extended", time[at.astype(int)], drawn * values)
     return Picture(
         "next-experiment",
         "The command to play",
         axis("time", "s"),
-        [Panel(axis("command u", "%"), [layer])],
+        [Panel(of_command, [layer])],
         f"In {file.name}.",
     )

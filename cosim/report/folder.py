@@ -150,9 +150,10 @@ def _predicted(experiment: Experiment) -> Any:
     """The experiment as a table: time, command, and a column ``model/signal [unit]`` for each prediction."""
     import pyarrow as pa
 
+    unit, scale = shown(experiment.drive)
     columns: dict[str, Any] = {
         "time [s]": np.arange(experiment.command.size) * experiment.h,
-        "u [1]": experiment.command,
+        f"{experiment.drive} [{unit}]": scale * experiment.command,
         "evidence [1]": experiment.evidence,
     }
     for signal, rows in experiment.predicted.items():
@@ -171,13 +172,16 @@ def _experiment(table: Any) -> Experiment:
         signal = column.partition("/")[2].partition(" [")[0]
         values = np.asarray(table[column].to_numpy(), dtype=np.float64) / shown(signal)[1]
         predicted.setdefault(signal, []).append(values)
+    command = table.column_names[1]
+    drive = command.partition(" [")[0]
     return Experiment(
         tuple(facts["models"]),
         float(facts["h"]),
-        np.asarray(table["u [1]"].to_numpy(), dtype=np.float64),
+        np.asarray(table[command].to_numpy(), dtype=np.float64) / shown(drive)[1],
         {s: np.stack(rows) for s, rows in predicted.items()},
         {s: Noise(*values) for s, values in facts["noise"].items()},
         np.asarray(table["evidence [1]"].to_numpy(), dtype=np.float64),
+        drive,
     )
 
 

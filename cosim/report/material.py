@@ -82,10 +82,11 @@ class Experiment:
     Attributes:
         models: names of the two.
         h: step, s.
-        command: (n,).
+        command: (n,) SI.
         predicted: signal -> (2, n) SI.
         noise: signal -> how a residual is judged, as in the log.
         evidence: (n,) log-likelihood that each sample adds for the first, if it is true.
+        drive: the signal that the command is.
     """
 
     models: tuple[str, str]
@@ -94,6 +95,7 @@ class Experiment:
     predicted: dict[str, Array]
     noise: dict[str, Noise]
     evidence: Array
+    drive: str = "u"
 
 
 @dataclass
@@ -227,7 +229,13 @@ def gather(
     if proposal is not None and proposal.predicted:
         noise = {s: Noise(r.bins, r.window, r.demean, r.rms) for s, r in proposal.rules.items()}
         experiment = Experiment(
-            proposal.models, 1e-3, proposal.command, proposal.predicted, noise, proposal.evidence
+            proposal.models,
+            1e-3,
+            proposal.command,
+            proposal.predicted,
+            noise,
+            proposal.evidence,
+            proposal.drive,
         )
     stamps = stamps_of(found.record)
     made = Material(answer, found.record.h, series, parts, tracker_of(found), folder, experiment, stamps)

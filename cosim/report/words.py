@@ -236,6 +236,8 @@ def quantity(of: str) -> tuple[str, str, float]:
     lexicon = current()
     if of in lexicon.signals:
         return signal_name(of), *lexicon.signal(of)
+    if of == "omega" and "speed" in lexicon.signals:  # as the machine measures it
+        return kind_of_motion(QUANTITIES[of][0]), *lexicon.signal("speed")
     driver, changing, by = of.partition(CHANGING)
     if changing:
         text, unit, scale = quantity(driver)

@@ -11,10 +11,12 @@ from scipy.signal import lfilter
 from cosim.diagnosis.fitting.noise import plain
 from cosim.diagnosis.pipeline import diagnose as pipeline
 from cosim.diagnosis.pipeline.diagnose import diagnose, outdone_by_linear
+from cosim.diagnosis.residuals import reference as reference_module
 from cosim.diagnosis.residuals.freeform import Leftover, changing, explain, families
 from cosim.diagnosis.residuals.reference import Reference
 from cosim.diagnosis.thresholds import SYSTEMATIC, USUAL_SIZE
 from cosim.diagnosis.verdict.verdict import systematic
+from cosim.inference.linear import Data
 from cosim.rig import make_log
 from cosim.rig.write import as_log
 from tests.diagnosis.hidden_logs import diagnosed, off
@@ -77,7 +79,7 @@ def test_a_constant_gain_shows_no_dynamics_that_a_speed_lacks(
     class Stub:
         task: SimpleNamespace
         reference: Reference | None = None
-        chosen: SimpleNamespace = field(default_factory=lambda: SimpleNamespace(fit=None))
+        chosen: SimpleNamespace = field(default_factory=lambda: SimpleNamespace(fit=None, effects=()))
         null: None = None
         lacks_linear: bool = False
         rivals: dict[str, None] | None = None
@@ -89,6 +91,45 @@ def test_a_constant_gain_shows_no_dynamics_that_a_speed_lacks(
     found = pipeline.beside_linear(Stub(task), SimpleNamespace(time=np.arange(9.0)), None, {})  # type: ignore[arg-type]
     assert found.reference is reference
     assert found.lacks_linear is lacks
+
+
+@pytest.mark.parametrize(
+    ("before", "ours", "plain", "linear", "numbers"),
+    [
+        (91.0, 2.61, 2.38, 0.56, True),  # a motor's friction and damping in one direction
+        (91.0, 2.61, 1.20, 0.56, False),  # a lag and a constant alone do better
+        (91.0, 2.61, 8.00, 0.56, False),  # they do what no lag does
+        (3.90, 2.61, 2.38, 0.56, False),  # they leave much to the poles
+    ],
+)
+def test_friction_of_one_direction_stands_in_for_no_dynamics(
+    monkeypatch: pytest.MonkeyPatch, before: float, ours: float, plain: float, linear: float, numbers: bool
+) -> None:
+    """A linear model has a constant, too, and poles for what is left: all that was told was that it is better."""
+
+    def held(a: float, b: float) -> Reference:
+        return Reference(None, np.full(12, a**2), np.full(12, b**2))  # type: ignore[arg-type]
+
+    monkeypatch.setattr(pipeline, "of_same_order", lambda *_: held(plain, ours))
+    monkeypatch.setattr(pipeline, "beside", lambda *_: held(linear, before))
+    trial = SimpleNamespace(fit=None)
+    finding = SimpleNamespace(task=None, chosen=trial, null=trial)
+    found = pipeline.numbers_only(finding, SimpleNamespace(time=None), held(linear, ours))  # type: ignore[arg-type]
+    assert found is numbers
+
+
+def test_what_is_no_dynamics_has_one_lag_and_no_delay(monkeypatch: pytest.MonkeyPatch) -> None:
+    fits = []
+    monkeypatch.setattr(reference_module, "beside", lambda task, found, time, fit: fits.append(fit))
+    group = SimpleNamespace(integrates=False, is_speed=lambda signal: True)
+    task = SimpleNamespace(model=SimpleNamespace(group=group), measured={"speed": None})
+    reference_module.of_same_order(task, None, None)  # type: ignore[arg-type]
+    u = np.repeat(np.random.default_rng(2).uniform(0.0, 1.0, 12), 40)
+    y = 3.0 + lfilter([0.0] * 9 + [0.1], [1.0, -0.9], u)  # eight samples late
+    model = fits[0](Data(u, y, 0.01, lambda rows: rows, np.arange(u.size) // 120))
+    assert model.order == 1
+    assert model.sections.delay == 0.0
+    assert model.predicted(u, 0.01).size == u.size
 
 
 def slow_noise(seed: int) -> Array:

@@ -1,9 +1,12 @@
 """The noise floor is that of the sensors, white or not: the error of a simulation that is right comes down to it."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hidden_logs import diagnosed
 
+from cosim.diagnosis import found as module
 from cosim.diagnosis.held_out.gain import Gain
 from cosim.diagnosis.model.options import Options
 from cosim.diagnosis.verdict.verdict import floor_of
@@ -57,3 +60,21 @@ def test_what_is_left_unexplained_does_not_count_as_noise() -> None:
     found = diagnosed("unknown.quadratic_drag", seed=7)
     assert found.rests
     assert floor_of(found.findings["mechanical"], "slew") == pytest.approx(SENSORS["slew"], rel=0.15)
+
+
+def test_no_noise_is_less_than_rounding_where_a_linear_model_and_the_machine_both_stand(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """An encoder's speed in steps of 0.23 rad/s, at rest for half of the log: nothing is left there (1.9e-8 was told)."""
+    measured = 0.23 * np.round(np.concatenate([50.0 * np.sin(np.arange(500) / 20.0), np.zeros(500)]) / 0.23)
+    finding = SimpleNamespace(task=SimpleNamespace(rules={"speed": None}))
+    found = SimpleNamespace(
+        findings={"mechanical": finding},
+        in_place=object(),
+        after={"speed": measured + np.concatenate([np.sin(np.arange(500)), np.zeros(500)])},
+        record=SimpleNamespace(signals={"speed": measured}, h=1e-3),
+        gains={},
+    )
+    monkeypatch.setattr(module, "floor_of", lambda finding, signal: 3.0)
+    floors = vars(module.Diagnosis)["noise"].fget(found)
+    assert floors["speed"] == pytest.approx(0.23 / np.sqrt(12.0))

@@ -6,10 +6,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.diagnosis.answer.experiment import Rehearsal, evidence_of, menu, proposal_for, write_command
+from cosim.diagnosis.answer.experiment import (
+    Proposal,
+    Rehearsal,
+    evidence_of,
+    menu,
+    proposal_for,
+    reached,
+    within,
+    write_command,
+)
 from cosim.diagnosis.fitting.noise import CORRELATION_TIMES, Whitener
 from cosim.diagnosis.model.groups import MODELS
 from cosim.diagnosis.pipeline.diagnose import diagnose
+from cosim.lexicon import Lexicon, Shown, speaking
 from cosim.report.deliver import delivered
 from cosim.rig import as_log, make_log
 
@@ -20,6 +30,44 @@ def test_menu_stays_within_the_rigs_limits() -> None:
     for description, command in menu(10.0, 1e-3):
         assert np.abs(command).max() <= 1.0 + 1e-12, description
         assert command.size == 10001
+
+
+@pytest.mark.parametrize(
+    ("log", "reach"),
+    [
+        ([0.05, 0.06], (0.0, 0.06)),  # a motor of one direction: its friction shows where it stops
+        ([-0.2, -0.1], (-0.2, 0.0)),
+        ([-0.8, 0.6], (-0.6, 0.6)),
+        ([-0.01, 0.6], (-0.01, 0.6)),
+    ],
+)
+def test_another_machine_is_driven_no_further_than_its_log_shows(
+    log: list[float], reach: tuple[float, float]
+) -> None:
+    """A motor of 0.39 N m that the log drove with 0.06 was to be driven with "amplitude 1"."""
+    assert reached(np.array(log)) == reach
+    for item in menu(10.0, 1e-3):
+        said, command = within(reach, *item, "torque")
+        assert reach[0] - 1e-12 <= command.min() <= command.max() <= reach[1] + 1e-12
+        half, middle = 0.5 * (reach[1] - reach[0]), 0.5 * (reach[0] + reach[1])
+        assert said["amplitude"] == pytest.approx(half * float(item[0]["amplitude"]), rel=1e-3)
+        assert said.get("middle", 0.0) == pytest.approx(middle, rel=1e-3)
+
+
+def test_the_file_of_a_command_has_its_name_and_unit(tmp_path: Path) -> None:
+    command = np.array([0.0, 0.06, 0.001234567])
+    words = Lexicon({"torque": Shown("N.m", 1.0, "torque"), "u": Shown("1", 1.0, "command")}, {}, {})
+    with speaking(words):
+        made = write_command(Proposal("", {}, 2.0, command, drive="torque"), tmp_path)
+        assert made.file is not None
+        assert made.file.read_text().splitlines()[:3] == ["time [s],torque [N.m]", "0.000,0", "0.001,0.06"]
+        made = write_command(Proposal("", {}, 2.0, command), tmp_path)
+        assert made.file is not None
+        assert made.file.read_text().splitlines()[:3] == [
+            "time [s],u [1]",
+            "0.000,0.000000",
+            "0.001,0.060000",
+        ]
 
 
 def test_an_experiment_is_read_as_often_as_the_log_was_sampled() -> None:

@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from cosim.compare.metrics import rms
 from cosim.diagnosis.fitting.chain import window_of
 from cosim.diagnosis.record.record import Record, joined
 from cosim.diagnosis.residuals import reference as module
 from cosim.diagnosis.residuals.reference import across, enough_parts, finer, fitted_to, in_turn, quickest
 from cosim.diagnosis.thresholds import REFERENCE_PARTS, REFERENCE_WINDOWS
+from cosim.inference.linear import Data, LinearModel, Sections, model_of
 
 
 def test_few_windows_of_a_swinging_error_are_cut() -> None:
@@ -72,3 +74,29 @@ def test_of_several_logs_the_reference_predicts_each_from_the_others() -> None:
     assert second == pytest.approx(0.25 * moved[1], rel=0.3)
     assert found.ours_error == pytest.approx(0.1 * float(np.sqrt(np.mean(y**2))), rel=1e-3)
     assert found.model.order == 1
+
+
+def test_gains_that_cancel_between_quick_poles_are_those_of_the_log_s_own_samples(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A speed loop, 2 ms late: most of a step in 3 ms, the rest in 80 ms. Points of 4 ms do not tell quick poles apart."""
+    h, rng = 1e-3, np.random.default_rng(3)
+    command = np.repeat(rng.uniform(-50.0, 50.0, 25), 400)
+
+    def lag(T: float) -> np.ndarray:
+        kept = np.exp(-h / T)
+        return lfilter([0.0, 0.0, 0.0, 1.0 - kept], [1.0, -kept], command)
+
+    speed = 0.85 * lag(3e-3) + 0.15 * lag(0.08) + 0.05 * rng.standard_normal(command.size)
+    coarse: list[LinearModel] = []
+
+    def found(data: Data) -> LinearModel:
+        poles = Sections((12.5, 1300.0, 3000.0), delay=1.7e-3)
+        coarse.append(model_of(data, poles, data.rows(data.y[None])[0]))
+        return coarse[-1]
+
+    monkeypatch.setattr(module, "reference", found)
+    model = fitted_to(Record(h, {"u": command, "slew": speed}), "u", "slew", {})
+    left, of_points = (rms(speed - m.simulate(command, speed, h)) for m in (model, coarse[0]))
+    assert model.sections == coarse[0].sections
+    assert left < 0.2 * of_points

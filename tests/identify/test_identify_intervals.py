@@ -1,5 +1,7 @@
 """The intervals hold what they promise under white and coloured noise, and would not without learning the noise's colour."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from identify_truth import inside, least
@@ -108,3 +110,15 @@ def test_effective_samples_of_first_order_noise(pole, tolerance):
     rng = np.random.default_rng(7)
     series = lfilter([1.0], [1.0, -pole], rng.standard_normal(20000))
     assert effective_samples(series) == pytest.approx(20000 * (1 - pole) / (1 + pole), rel=tolerance)
+
+
+def test_a_rate_that_the_data_do_not_tell_has_a_wide_interval_and_no_overflow():
+    """A pole beyond a wheel's samples had a deviation of some thousand decades, and "internal error" was all that came."""
+    found = fitted(2.0 * np.sin(1.003 * TIME) + noise("white", np.random.default_rng(1)))
+    influence = found.influence.copy()
+    influence[0] *= 1e4 / np.sqrt(np.sum(influence[0] ** 2))
+    loose = replace(found, influence=influence)
+    with np.errstate(over="raise"):
+        rate = loose.derived(lambda theta, b: float(np.roots([1.0, np.exp(theta[0])])[0]), "1/s")
+    assert np.isfinite(rate.value)
+    assert rate.deviation > 1e3 * abs(rate.value)

@@ -3,19 +3,22 @@
 import dataclasses
 import json
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from identify_truth import TRUTH, inside, least
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from scipy.signal import lfilter
 from test_identify_command import call
 
 from cosim.diagnosis.model.choice import machine_of
 from cosim.errors import DataError, UsageError
-from cosim.identify.inverse_dynamics import _Problem, coherent_band, identify_mechanics
+from cosim.identify.data import travels
+from cosim.identify.inverse_dynamics import Motion, _Problem, coherent_band, identify_mechanics
 from cosim.identify.picture import mechanics_figure
-from cosim.identify.run_mechanics import motion_of
+from cosim.identify.run_mechanics import _sentences, motion_of
 from cosim.lexicon import Lexicon, speaking
 from cosim.logs import write_log
 from cosim.machines.table import TRAVEL
@@ -235,3 +238,30 @@ def test_what_a_linear_axis_would_take_is_said_in_its_units():
         pytest.raises(DataError, match=r"it would take J -\d+(\.\d+)? kg and b -?\d+(\.\d+)?(e\+\d+)? N s/m"),
     ):
         identify_mechanics(dataclasses.replace(found, torque=-found.torque))
+
+
+def test_a_motor_driven_one_way_by_two_torques_tells_friction_and_load_as_one_number() -> None:
+    """A motor with 0.05, then 0.06 N m: "hardly moves", and half of the friction was told as a load, each to 1.5 %."""
+    h, count = 1e-3, 20_000
+    torque = np.repeat([0.05, 0.06], count // 2)
+    J, b, friction = 1.4e-4, 1.35e-4, 0.0312
+    kept = np.exp(-h * b / J)
+    speed = lfilter([0.0, (1.0 - kept) / b], [1.0, -kept], torque - friction)
+    log = SimpleNamespace(
+        source="m.csv",
+        step=h,
+        require=lambda name, what: torque,
+        display={"torque": "N.m"},
+        units={"torque": "N.m"},
+    )
+    assert travels(log, "torque", driven=True) is torque
+    with pytest.raises(DataError, match="hardly moves"):
+        travels(log, "torque")  # of a reading two steps of its rounding are no motion
+    values = {**CRANE, "A": 1.0, "r": 1.0, "J": J, "b": b}
+    angle = np.cumsum(speed) * h
+    found = identify_mechanics(Motion("m", h, torque, angle, np.ones(count, dtype=bool), values), 5.0)
+    assert found.one_way
+    assert "tau_load" not in found.values
+    assert found.values["tau_c"].value == pytest.approx(friction, rel=0.01)
+    assert found.values["b"].value == pytest.approx(b, rel=0.02)
+    assert any("one way only" in line for line in _sentences(found, Lexicon()))

@@ -116,6 +116,19 @@ def test_names_in_several_languages(signal, headings, write):
         assert list(guesses(overview(path))) == [signal], heading
 
 
+def test_a_car_s_throttle_is_its_command_and_a_throttle_s_position_is_not(write):
+    """Its safety switch was, the only column that moves in steps."""
+    time = np.arange(400) / 10
+    throttle = 0.2 + 0.02 * np.sin(time) + 0.01 * np.sin(5.3 * time)
+    safe, speed = (time > 3.0).astype(float), np.where(time > 3.0, 6.0 * throttle, 0.0)
+    for name, drives in (("throttle", "throttle"), ("throttle position", "safety_value")):
+        rows_ = "".join(
+            f"{t},{s:g},{v:.4f},{u:.4f}\n" for t, s, v, u in zip(time, safe, speed, throttle, strict=True)
+        )
+        made = guesses(overview(write(f"t,safety_value,vel encoder,{name}\n" + rows_)), machine=True)
+        assert made["u"].column.label.name == drives
+
+
 def test_names_that_say_something_else_are_left_alone(write):
     for heading in (
         "oil temperature",

@@ -146,7 +146,7 @@ def test_a_gain_stored_in_the_file(tmp_path):
         (
             'unit = "%"',
             'unit = "us"',
-            r"of a raw reading write unit = \"1\" and gain = 1 over its value at full command",
+            r"of a raw reading, such as a voltage, write unit = \"1\" and gain = 1 over its value at full command",
         ),
         ('unit = "ms"', 'unit = "mm"', r"'time': unit 'mm' has the wrong dimension"),
         ('column = "t"', 'column = "t"\nstep = 1', r"'time': give either the column or the step"),

@@ -151,3 +151,30 @@ def test_identify_drive(capsys, files):
     # no dead zone was put in
     assert abs(found["dead_zone"]["high"]["value"]) < 0.03
     assert found["dead_zone"]["high"]["reading"]["column"] == "duty"
+
+
+def test_a_simulated_machine_has_the_units_of_its_mapping(capsys, monkeypatch, tmp_path):
+    """Of a motor that its torque drives: "torque [bar]" stood there, 5e-7 of it, and the speed in deg/s."""
+    monkeypatch.setenv("COSIM_BUILD", str(tmp_path / "build"))
+    time = 0.01 * np.arange(300)
+    table = np.column_stack([time, np.full(300, 0.06), np.zeros(300)])
+    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header="t,tau,w", comments="", fmt="%.9g")
+    mapping = tmp_path / "motor.toml"
+    mapping.write_text(
+        """
+time = { column = "t", unit = "s" }
+[signals]
+torque = { column = "tau", unit = "N.m" }
+speed = { column = "w", unit = "rad/s" }
+[machine]
+chain = ["mechanical"]
+parameters = { "mechanical.J" = "1.2e-4 kg.m2", "mechanical.b" = "1.2e-4 N.m.s/rad" }
+"""
+    )
+    out = tmp_path / "run.csv"
+    code, _, err = run(capsys, "simulate", mapping, "--input", tmp_path / "log.csv", "--out", out)
+    assert code == 0, err
+    found = pd.read_csv(out)
+    assert found["torque [N.m]"].to_numpy() == pytest.approx(0.06)
+    speed = 0.06 / 1.2e-4 * (1.0 - np.exp(-found["time [s]"].to_numpy()))
+    assert found["mechanical.omega [rad/s]"].to_numpy() == pytest.approx(speed, abs=1.0)

@@ -262,3 +262,11 @@ def test_a_speed_is_told_by_its_unit():
     }
     with speaking(Lexicon(signals=shown | {"z": Shown("full command", 1.0, "z")})):
         assert [shows_speed(s) for s in ("w", "q", "x", "z", "slew")] == [True, True, False, False, False]
+
+
+def test_the_speed_of_a_machine_that_measures_one_has_its_unit() -> None:
+    """A motor's speed was drawn in rad/s, and its friction against 12 000 deg/s."""
+    assert quantity("omega") == ("slew speed", "deg/s", pytest.approx(math.degrees(1.0)))
+    with speaking(Lexicon({"speed": Shown("rad/s", 1.0, "speed")}, {}, {})):
+        assert quantity("omega")[1:] == ("rad/s", 1.0)
+        assert quantity("omega, changing with theta")[1:] == ("rad/s", 1.0)

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.diagnosis.answer.remarks import shown
 from cosim.diagnosis.fitting.fit import Unknown, jacobian
 from cosim.diagnosis.fitting.noise import Whitener
 from cosim.diagnosis.fitting.trials import unknowns
@@ -28,6 +29,9 @@ from cosim.files import write_text
 Array = NDArray[np.float64]
 
 Description = dict[str, float | str | list[float]]
+Reach = tuple[float, float]  # lowest and highest value of the command, SI
+FULL: Reach = (-1.0, 1.0)
+ONE_SIDED = 0.5  # of the farther end: a log that goes less far than this the other way goes one way
 REFINED = 10  # excitations whose separation is computed with the second model refitted
 
 
@@ -39,7 +43,8 @@ class Proposal:
         why: which explanations it separates.
         excitation: shape, amplitude, duration and what else describes it.
         predicted_gain: log-likelihood by which it would separate them.
-        command: (n,) the command at 1 kHz.
+        command: (n,) the command at 1 kHz, SI.
+        drive: the signal that it is.
         models: names of the two explanations.
         predicted: signal -> (2, n) what each predicts, SI; the second as refitted to the first, as it would be.
         rules: signal -> whitening rule, by which the two are told apart.
@@ -55,6 +60,7 @@ class Proposal:
     predicted: dict[str, Array] = field(default_factory=dict, repr=False)
     rules: dict[str, Whitener] = field(default_factory=dict, repr=False)
     evidence: Array = field(default_factory=lambda: np.zeros(0), repr=False)
+    drive: str = "u"
     file: Path | None = None
 
 
@@ -123,6 +129,31 @@ def menu(
     return found
 
 
+def within(reach: Reach, description: Description, command: Array, drive: str) -> tuple[Description, Array]:
+    """An excitation of the menu, as far as the command may go, in the unit people read."""
+    if reach == FULL:
+        return description, command
+    low, high = reach
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    unit, scale = shown(drive)
+    said = description | {"amplitude": rounded(scale * half * float(description["amplitude"]))}  # type: ignore[arg-type]
+    if middle:
+        said["middle"] = rounded(scale * middle)
+    return (said if unit == "1" else said | {"unit": unit}), middle + half * command
+
+
+def rounded(value: float) -> float:
+    """To four digits, as it is told."""
+    return float(f"{value:.4g}")
+
+
+def reached(values: Array) -> Reach:
+    """How far a command (n,) may go: to rest, and nowhere beyond what the log shows; as far both ways where it went both."""
+    low, high = min(float(values.min()), 0.0), max(float(values.max()), 0.0)
+    both = min(-low, high)
+    return (-both, both) if both >= ONE_SIDED * max(-low, high) else (low, high)
+
+
 def white_difference(a: Mapping[str, Array], b: Mapping[str, Array], rules: Mapping[str, Whitener]) -> Array:
     """Difference of two predictions in units of noise, all signals in one row."""
     return np.concatenate([rule(a[s] - b[s]).ravel() for s, rule in rules.items() if s in a])
@@ -180,7 +211,7 @@ def propose(
     fixed: dict[str, float],
     duration: float = 30.0,
     h: float = 1e-3,
-    size: float = 1.0,
+    reach: Reach = FULL,
     interval: float = 1e-3,
 ) -> Proposal | None:
     """The excitation of the menu that separates two models best; None if none does.
@@ -195,25 +226,27 @@ def propose(
         fixed: start angle.
         duration: of the experiment, s.
         h: step, s.
-        size: of the full command.
+        reach: of the command, SI.
         interval: between two readings, s; the rules are for these.
     """
     ranked = []
-    for description, command in menu(duration, h):
-        played = Rehearsal(groups, size * command, fixed, h, interval)
+    drive = groups[0].drive
+    for description, command in (within(reach, *item, drive) for item in menu(duration, h)):
+        played = Rehearsal(groups, command, fixed, h, interval)
         raw = white_difference(played.read(first), played.read(second), rules)
         ranked.append((float(raw @ raw), description, command))
     ranked.sort(key=lambda item: -item[0])
     best: Proposal | None = None
     values: dict[str, float] = {}
     for _, description, command in ranked[:REFINED]:
-        played = Rehearsal(groups, size * command, fixed, h, interval)
+        played = Rehearsal(groups, command, fixed, h, interval)
         gain, refit = separation(played, first, second, rules, loose)
         if best is None or gain > best.predicted_gain:
-            best, values = Proposal(why, description, gain, command), dict(second) | refit
+            best = Proposal(why, description, gain, command, drive=drive)
+            values = dict(second) | refit
     if best is None or best.predicted_gain <= 1.0:
         return None
-    played = Rehearsal(groups, size * best.command, fixed, h, interval)
+    played = Rehearsal(groups, best.command, fixed, h, interval)
     drawn = [played.chain.simulate(dict(each)) for each in (first, values)]
     read = [played.sampled(each) for each in drawn]
     evidence = evidence_of({s: np.stack([r[s] for r in read]) for s in rules if s in read[0]}, rules)
@@ -228,10 +261,10 @@ def proposal_for(
     fixed: dict[str, float],
     values: Mapping[str, float],
     tolerance: float = 0.01,
-    size: float = 1.0,
+    reach: Reach = FULL,
     interval: float = 1e-3,
 ) -> Proposal | None:
-    """An experiment for the first cause that has a twin in this log, or None; `size` and `interval` as in `propose`."""
+    """An experiment for the first cause that has a twin in this log, or None; `reach` and `interval` as in `propose`."""
     for cause in causes:
         if not cause.indistinguishable or cause.group not in findings:
             continue
@@ -250,7 +283,7 @@ def proposal_for(
         second = base | twins[0].fit.values
         loose, _ = unknowns(finding.task.model, twins[0].effects, tolerance)
         why = f"tells {cause.effect.name} from {cause.indistinguishable[0]}, which this log cannot"
-        found = propose(groups, first, second, loose, rules, why, fixed, size=size, interval=interval)
+        found = propose(groups, first, second, loose, rules, why, fixed, reach=reach, interval=interval)
         return found and replace(found, models=(cause.effect.name, cause.indistinguishable[0]))
     return None
 
@@ -280,17 +313,20 @@ def first_of_all(
             if moved is not None:
                 raw = white_difference(played.read(moved), plain, rules)
                 each.append(0.5 * float(raw @ raw))
-        shown = sum(gain > NAMING_GAIN for gain in each)
-        rank = (shown, float(np.median(each)))
+        seen = sum(gain > NAMING_GAIN for gain in each)
+        rank = (seen, float(np.median(each)))
         if rank > most:
-            why = f"shows {shown} of {len(each)} effects at a moderate size, of which a log without motion shows none"
+            why = f"shows {seen} of {len(each)} effects at a moderate size, of which a log without motion shows none"
             most, best = rank, Proposal(why, description, rank[1], command)
     return best
 
 
 def write_command(proposal: Proposal, folder: Path, h: float = 1e-3) -> Proposal:
-    """Write the command as a CSV that the rig plays (``cosim rig --excitation file``)."""
+    """Write the command as a CSV that the rig plays (``cosim rig --excitation file``), in the unit people read."""
     file = folder / "next_experiment.csv"
-    rows = "".join(f"{k * h:.3f},{u:.6f}\n" for k, u in enumerate(proposal.command.tolist()))
-    write_text(file, f"time [s],u [1]\n{rows}")
+    unit, scale = shown(proposal.drive)
+    values = (scale * proposal.command).tolist()
+    digits = ".6f" if proposal.drive == "u" else ".7g"
+    rows = "".join(f"{k * h:.3f},{u:{digits}}\n" for k, u in enumerate(values))
+    write_text(file, f"time [s],{proposal.drive} [{unit}]\n{rows}")
     return replace(proposal, file=file)

@@ -63,16 +63,20 @@ from cosim.diagnosis.residuals.reference import (
     Fitted,
     Reference,
     across,
+    beside,
     in_turn,
     of_group,
+    of_same_order,
     of_whole,
     over_logs,
 )
 from cosim.diagnosis.thresholds import (
+    AS_WELL,
     CALIBRATED_TRUST,
     FAST_SAMPLING,
     FEWEST_SAMPLES,
     GUESSED_TRUST,
+    LEFT_TO_POLES,
     LOST_AT_ENDS,
     NAMING_BUDGET,
     NOMINAL_TRUST,
@@ -344,7 +348,22 @@ def beside_linear(finding: Finding, record: Record, held: Held | None, fitted: F
         return finding
     if swings_by_itself(finding, signal, linear):
         return finding
+    if held is None and finding.chosen.effects and numbers_only(finding, record, linear):
+        return finding
     return replace(finding.accept(finding.null, record), lacks_linear=True, rivals={})
+
+
+def numbers_only(finding: Finding, record: Record, linear: Reference) -> bool:
+    """True if the causes do in this log what a gain, a lag and a constant would: such stand in for no dynamics.
+
+    A log of one direction shows dry friction as a constant, which any linear reference has as well: that more of its poles
+    describe what is left of a few transients says nothing against it. What stands in for a pole leaves more to it.
+    """
+    plain = of_same_order(finding.task, finding.chosen.fit, record.time)
+    if not plain.error <= AS_WELL * plain.ours_error <= AS_WELL**2 * plain.error:
+        return False
+    before = beside(finding.task, finding.null.fit, record.time, lambda _: linear.model).ours_error
+    return linear.ours_error**2 - linear.error**2 <= LEFT_TO_POLES * (before**2 - linear.error**2)
 
 
 def swings_by_itself(finding: Finding, signal: str, linear: Reference) -> bool:

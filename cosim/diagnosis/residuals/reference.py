@@ -4,8 +4,8 @@ Where it beats the extended model on data held out, linear dynamics are missing,
 them would only stand in for these.
 """
 
-from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from cosim.diagnosis.residuals.cross_validation import held_windows, left_out_st
 from cosim.diagnosis.thresholds import AS_WELL, PART_CROSSINGS, REFERENCE_PARTS, REFERENCE_WINDOWS
 from cosim.inference.held_out import mean_squares as begun_anew
 from cosim.inference.held_out import ratio_ci95
-from cosim.inference.linear import Data, LinearModel, reference
+from cosim.inference.linear import Data, LinearModel, model_of, reference
 from cosim.inference.pieces import Cuts, by_piece
 
 Array = NDArray[np.float64]
@@ -247,13 +247,30 @@ def of_group(task: Task, found: Fit, time: Array) -> Reference:
         found: the fitted model.
         time: (n,) stamps, s.
     """
+    return beside(task, found, time, lambda data: reference(data))
+
+
+def of_same_order(task: Task, found: Fit, time: Array) -> Reference:
+    """The same with a linear model of no more dynamics than a drive by itself has, a lag, and without a delay."""
+    group = task.model.group
+    highest = 1 if group.is_speed(next(iter(task.measured))) or not group.integrates else 2
+
+    def plain(data: Data) -> LinearModel:
+        sections = replace(reference(data, highest).sections, delay=0.0)
+        return model_of(data, sections, data.rows(data.y[None])[0])
+
+    return beside(task, found, time, plain)
+
+
+def beside(task: Task, found: Fit, time: Array, fit: Callable[[Data], LinearModel]) -> Reference:
+    """A group's model beside the linear one that `fit` makes of the same data; as `of_group`."""
     signal = next(iter(task.measured))
     rule = task.rules[signal]
     y = task.measured[signal]
     window = windows_of(rule, y.size)
     cuts = task.model.cuts
     pair = evened(task.model.drive, y, time, task.model.h, window, cuts=cuts)
-    model = reference(data_of(pair, rule.demean, pair.window >= 0))
+    model = fit(data_of(pair, rule.demean, pair.window >= 0))
     left = np.zeros(pair.u.size)
     left[pair.window >= 0] = model.left_out
     # the same smoothing for both: what lies within a bin is noise
@@ -317,9 +334,34 @@ def fitted_to(
         pair = evened(
             record.signals[drive], record.signals[signal], record.time, record.h, numbers, cuts=record.cuts
         )
-        keep = (pair.window >= 0) & ~held[np.maximum(pair.window, 0)]
-        fitted[drive, signal] = reference(data_of(pair, False, keep))
+        model = reference(fit_data(pair, held))
+        if pair.h > record.h:
+            fine = evened(
+                record.signals[drive],
+                record.signals[signal],
+                record.time,
+                record.h,
+                numbers,
+                record.h,
+                record.cuts,
+            )
+            model = with_gains_of(model, fit_data(fine, held))
+        fitted[drive, signal] = model
     return fitted[drive, signal]
+
+
+def fit_data(pair: Uniform, held: NDArray[np.bool_]) -> Data:
+    """The points (n,) of all windows but those that judge (windows,)."""
+    return data_of(pair, False, (pair.window >= 0) & ~held[np.maximum(pair.window, 0)])
+
+
+def with_gains_of(model: LinearModel, data: Data) -> LinearModel:
+    """A model with the gains that finer data give it, its poles kept.
+
+    Of poles as quick as the samples coarser data show the sum only: gains that cancel there do not between these.
+    """
+    solved = data.solved(model.sections, data.rows(data.y[None])[0])
+    return replace(model, gains=solved.gains, rest=data.rest)
 
 
 def free_run(
