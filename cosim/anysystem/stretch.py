@@ -23,7 +23,7 @@ USUAL = 150.0  # s that a diagnosis may take; where --budget allows more, a run 
 SAMPLE = 2e-6  # s that a sample costs beside the FMUs
 COARSELY = 4.0  # times: so coarsely is it asked how long a sample takes, that another run of it says the same
 PROBES = 500, 1500  # samples that are run to learn it: what a start takes is in both
-STILL = 50  # parts of the length wanted, for which the machine stands before a part begins
+STANDING = 50  # parts of the length wanted, for which the machine stands before a part begins
 AS_BEFORE = 0.02  # of a reading's range: so near to where the log begins it stands as it did there
 BEGINS = 60  # places at most where a part may begin
 QUIET = 6.0  # times a reading's noise, over which it ranges where the machine stands
@@ -73,7 +73,7 @@ def stands(log: Recording, judged: Collection[str], told: Collection[str], count
         told: those of them of which the model is told where they begin.
         count: samples wanted.
     """
-    width = max(count // STILL, 2)
+    width = max(count // STANDING, 2)
     quiet = np.ones(log.time.size, dtype=np.bool_)
     for name, values in log.signals.items():
         span = float(np.ptp(values))

@@ -573,6 +573,13 @@ PART_CROSSINGS: Annotated[
     "four swings: neighbouring parts of an error that drifts would count it twice",
     "not measured by itself",
 ] = 8
+BOTH_WAYS: Annotated[
+    float,
+    "of the farther end",
+    "that the command of a log goes the other way, from which a proposed experiment goes as far both ways",
+    "what goes less far back was not meant to: nobody knows that the machine bears it",
+    "not measured by itself",
+] = 0.5
 LEFT_TO_POLES: Annotated[
     float,
     "part of the variance",

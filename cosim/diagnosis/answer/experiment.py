@@ -22,7 +22,7 @@ from cosim.diagnosis.record.grid import Grid, of_piece
 from cosim.diagnosis.record.record import Record
 from cosim.diagnosis.record.signatures import SAMPLED
 from cosim.diagnosis.residuals.finding import Finding
-from cosim.diagnosis.thresholds import NAMING_GAIN
+from cosim.diagnosis.thresholds import BOTH_WAYS, NAMING_GAIN
 from cosim.diagnosis.verdict.verdict import Cause
 from cosim.files import write_text
 
@@ -31,7 +31,6 @@ Array = NDArray[np.float64]
 Description = dict[str, float | str | list[float]]
 Reach = tuple[float, float]  # lowest and highest value of the command, SI
 FULL: Reach = (-1.0, 1.0)
-ONE_SIDED = 0.5  # of the farther end: a log that goes less far than this the other way goes one way
 REFINED = 10  # excitations whose separation is computed with the second model refitted
 
 
@@ -151,7 +150,7 @@ def reached(values: Array) -> Reach:
     """How far a command (n,) may go: to rest, and nowhere beyond what the log shows; as far both ways where it went both."""
     low, high = min(float(values.min()), 0.0), max(float(values.max()), 0.0)
     both = min(-low, high)
-    return (-both, both) if both >= ONE_SIDED * max(-low, high) else (low, high)
+    return (-both, both) if both >= BOTH_WAYS * max(-low, high) else (low, high)
 
 
 def white_difference(a: Mapping[str, Array], b: Mapping[str, Array], rules: Mapping[str, Whitener]) -> Array:
