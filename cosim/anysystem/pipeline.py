@@ -32,6 +32,7 @@ from cosim.anysystem.smooth import followed, still
 from cosim.anysystem.start import settable
 from cosim.anysystem.stretch import PROBES, head, lengths, part_of
 from cosim.anysystem.thin import ENOUGH, alike, factors, loses_noise_alone, share, thinned
+from cosim.compare.metrics import rms
 from cosim.diagnosis.budget import Budget
 from cosim.diagnosis.thresholds import FEWEST_SAMPLES, WORSE_ELSEWHERE
 from cosim.errors import DataError, OutOfTimeError, SimulationError
@@ -56,7 +57,6 @@ PAUSED = 0.01  # of a log: shorter pauses need no word
 WHOLLY = 0.999  # of a limit: rounding apart it is reached
 FAR = 5.0  # spreads of a reading by which a model errs that is in another unit, or runs away
 NO_LOGS: tuple[frozenset[int], frozenset[int]] = (frozenset(), frozenset())
-FASTER = "sampled far faster than anything in it moves"
 SAID = 3e-3  # of a signal's spread: what a finer solver changes of it is said
 
 
@@ -294,7 +294,9 @@ def diagnose_system(
     whole = list(logs)
     with suppress(OutOfTimeError):  # said of each group
         thin(found, runs, trust, options)
-        shorten(found, runs, trust, options)
+        if shorten(found, runs, trust, options):
+            thin(found, runs, trust, options)
+    found.notes += sparser(found)
     for segment in found.segments:
         for name in segment.signals.keys() & set(names):
             segment.driving[name] = still(segment.signals[name])
@@ -494,24 +496,28 @@ def thin(found: AnyDiagnosis, runs: Runs, trust: Trust, options: AnyOptions) -> 
         for every in choices:
             coarse = [thinned(s, every, real) for s in found.segments]
             if all(bears(g, coarse, every) for g in groups):
-                found.notes += [
-                    f"{log.source.name}: {FASTER}: {s.h:g} s are enough"
-                    for log, s, all_of_it in zip(found.logs, coarse, found.segments, strict=True)
-                    if s is not all_of_it
-                ]
                 found.segments = coarse
                 return
     except SimulationError:  # which is said where the group is judged
         return
 
 
-def shorten(found: AnyDiagnosis, runs: Runs, trust: Trust, options: AnyOptions) -> None:
-    """Take a part of each log, where one run of all of it takes longer than a diagnosis can run hundreds of times."""
+def sparser(found: AnyDiagnosis) -> list[str]:
+    """What to say of logs that are taken at fewer samples."""
+    return [
+        f"{log.source.name}: sampled far faster than anything in it moves: {s.h:g} s are enough"
+        for log, s in zip(found.logs, found.segments, strict=True)
+        if s.h > 1.5 * float(np.median(np.diff(log.time)))
+    ]
+
+
+def shorten(found: AnyDiagnosis, runs: Runs, trust: Trust, options: AnyOptions) -> bool:
+    """Take a part of each log, where one run takes longer than what a diagnosis can run hundreds of times; True if so."""
     groups = [g for g in found.groups if g.judged and found.cuts.own[g.name]]
     counts = [s.count for s in found.segments]
     longest = found.segments[int(np.argmax(counts))]
     if sum(counts) <= ENOUGH or longest.count < PROBES[-1]:
-        return
+        return False
     values = {f"{PARAMETER}|{n}": v for n, v in trust.free.items()}
 
     def taken(count: int) -> float:
@@ -526,11 +532,11 @@ def shorten(found: AnyDiagnosis, runs: Runs, trust: Trust, options: AnyOptions) 
             taken(PROBES[0] // 2)  # loads them
             few, many = (taken(count) for count in PROBES)
     except SimulationError:  # which is said where the group is judged
-        return
+        return False
     one = max(many - few, 0.0) / (PROBES[1] - PROBES[0])
     wanted = lengths(counts, one, found.budget.seconds)
     if wanted is None:
-        return
+        return False
     judged = {signal for group in groups for signal, _ in group.judged}
     told = set(options.start.values())
     parts = [
@@ -538,7 +544,7 @@ def shorten(found: AnyDiagnosis, runs: Runs, trust: Trust, options: AnyOptions) 
         for log, segment, count in zip(found.logs, found.segments, wanted, strict=True)
     ]
     takes = f"one run of {'it' if len(parts) == 1 else 'all logs'} takes {one * sum(counts):.2g} s"
-    found.notes = [n for n in found.notes if FASTER not in n] + [
+    found.notes += [
         f"{log.source.name}: {takes}, and a diagnosis makes hundreds: it uses {part.time[0]:g} to {part.time[-1]:g} s, "
         "where the inputs visit most (more of it with --budget 1h)"
         for log, part in zip(found.logs, parts, strict=True)
@@ -547,7 +553,7 @@ def shorten(found: AnyDiagnosis, runs: Runs, trust: Trust, options: AnyOptions) 
     if len(parts) == 1:
         found.span = (float(parts[0].time[0]), float(parts[0].time[-1]))
     found.logs, (found.segments, _) = parts, segments_of(parts, found.held)
-    thin(found, runs, trust, options)
+    return True
 
 
 def over_the_rest(
@@ -586,9 +592,7 @@ def over_the_rest(
 
 def ratio(errors: Array, others: Array) -> float:
     """Root mean square of some errors over that of others; 1 where there are none."""
-    if not errors.size or not np.any(others):
-        return 1.0
-    return float(np.sqrt(np.mean(errors**2) / np.mean(others**2)))
+    return rms(errors) / rms(others) if errors.size and np.any(others) else 1.0
 
 
 def in_some_logs(

@@ -10,12 +10,13 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
 from cosim.anysystem.model import Segment
 from cosim.anysystem.read import Recording
 from cosim.anysystem.thin import ENOUGH
 from cosim.compare.metrics import white_noise
-from cosim.diagnosis.thresholds import LEVELS
+from cosim.diagnosis.record.signatures import cells
 
 Array = NDArray[np.float64]
 RUN = 0.2  # s that one run over all logs may take: seven hundred of them are the two and a half minutes of a diagnosis
@@ -79,7 +80,7 @@ def stands(log: Recording, judged: Collection[str], told: Collection[str], count
         span = float(np.ptp(values))
         near = QUIET * white_noise(values) + 1e-3 * span if name in judged else 1e-3 * span
         moved = np.abs(np.diff(values, prepend=values[:1])) > near
-        mean = np.convolve(values, np.ones(width) / width, mode="full")[: values.size]
+        mean = uniform_filter1d(values, width, origin=(width - 1) // 2)  # of the samples before
         quiet &= ~moved & (np.abs(values - mean) <= near)
         if name not in told:
             quiet &= np.abs(values - np.median(values[:width])) <= max(near, AS_BEFORE * span)
@@ -91,14 +92,12 @@ def stands(log: Recording, judged: Collection[str], told: Collection[str], count
 
 def visited(drives: Mapping[str, Array], span: slice) -> tuple[int, float]:
     """Cells of level and direction that inputs visit in a part of a log, and how far they move, in parts of their range."""
-    cells, way = 0, 0.0
+    count, way = 0, 0.0
     for values in drives.values():
         part, size = values[span], max(float(np.ptp(values)), 1e-300)
-        moves = np.diff(part, prepend=part[:1])
-        level = np.clip((part - values.min()) / size * LEVELS, 0, LEVELS - 1).astype(np.int64)
-        cells += np.unique(3 * level + np.sign(moves).astype(np.int64) + 1).size
-        way += float(np.abs(moves).sum()) / size
-    return cells, round(way, 6)
+        count += np.unique(cells(part, float(values.min()), size)).size
+        way += float(np.abs(np.diff(part)).sum()) / size
+    return count, round(way, 6)
 
 
 def part_of(log: Recording, judged: Collection[str], told: Collection[str], count: int) -> Recording:

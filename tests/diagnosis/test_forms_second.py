@@ -22,19 +22,16 @@ def diagnosed_of(folder, seed: int, how=("jog", 30.0, 0.9), sensing=None, model=
     return diagnose(load_log(folder / "log.csv"), model=model)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("effect", "settings", "form", "size", "seconds"),
     [
-        pytest.param(
-            "mechanical.stribeck_friction", FRICTION | {"law": 1}, "delta", 1.0, 30.0, marks=pytest.mark.slow
-        ),
-        pytest.param("mechanical.stribeck_friction", FRICTION, "", math.nan, 30.0, marks=pytest.mark.slow),
-        pytest.param("sensor.lag", {"tau_l": 0.1, "lags": 2}, "q_l", 0.25, 12.0, marks=pytest.mark.slow),
-        pytest.param("sensor.lag", {"tau_l": 0.1}, "", math.nan, 30.0, marks=pytest.mark.slow),
-        pytest.param(
-            "mechanical.backlash", {"gap": 0.006, "creep": 0.06}, "tau_b", 0.06, 30.0, marks=pytest.mark.slow
-        ),
-        pytest.param("mechanical.backlash", {"gap": 0.006}, "", math.nan, 30.0, marks=pytest.mark.slow),
+        ("mechanical.stribeck_friction", FRICTION | {"law": 1}, "delta", 1.0, 30.0),
+        ("mechanical.stribeck_friction", FRICTION, "", math.nan, 30.0),
+        ("sensor.lag", {"tau_l": 0.1, "lags": 2}, "q_l", 0.25, 12.0),
+        ("sensor.lag", {"tau_l": 0.1}, "", math.nan, 30.0),
+        ("mechanical.backlash", {"gap": 0.006, "creep": 0.06}, "tau_b", 0.06, 30.0),
+        ("mechanical.backlash", {"gap": 0.006}, "", math.nan, 30.0),
     ],
     ids=["exponential", "Gauss", "two lags", "one lag", "creeping", "kinematic"],
 )

@@ -9,24 +9,13 @@ from cosim.rig import as_log, as_tracker, make_log
 LAG = "sensor.lag:tau_l=120 ms"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("others", "named", "wave", "seconds"),
     [
-        pytest.param([], {}, "mixed", 30.0, marks=pytest.mark.slow),
-        pytest.param(
-            ["tracker.clock:offset=2 s,rate=1.0002"],
-            {"tracker.clock": ("offset", 2.0)},
-            "steps",
-            30.0,
-            marks=pytest.mark.slow,
-        ),
-        pytest.param(
-            ["sensor.gain:gain=1.04"],
-            {"sensor.gain": ("gain", 1.04)},
-            "steps",
-            16.0,
-            marks=pytest.mark.slow,
-        ),
+        ([], {}, "mixed", 30.0),
+        (["tracker.clock:offset=2 s,rate=1.0002"], {"tracker.clock": ("offset", 2.0)}, "steps", 30.0),
+        (["sensor.gain:gain=1.04"], {"sensor.gain": ("gain", 1.04)}, "steps", 16.0),
     ],
 )
 def test_lag_is_told_from_the_clock(

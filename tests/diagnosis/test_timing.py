@@ -58,12 +58,13 @@ def computed(changed: dict[str, float], seed: int) -> Log:
     return replace(log, signals={n: v + made.get(n, 0.0) for n, v in log.signals.items()})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changed", "named"),
     [
-        pytest.param({}, [], marks=pytest.mark.slow),
-        pytest.param({"mechanical.tau_c": 60.0}, ["mechanical.coulomb_friction"], marks=pytest.mark.slow),
-        pytest.param({"dcv.K": 2.52e-3}, ["dcv.gain"], marks=pytest.mark.slow),
+        ({}, []),
+        ({"mechanical.tau_c": 60.0}, ["mechanical.coulomb_friction"]),
+        ({"dcv.K": 2.52e-3}, ["dcv.gain"]),
     ],
     ids=["nothing", "dry friction", "the valve's gain"],
 )

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from cosim.diagnosis.fitting.whole import ChainModel
 from cosim.diagnosis.found import Diagnosis, Elsewhere
 from cosim.diagnosis.record.record import Record, fixed_values
+from cosim.diagnosis.record.signatures import cells
 from cosim.diagnosis.thresholds import (
     FEWEST_SAMPLES,
     LEVELS,
@@ -59,10 +60,8 @@ def chosen_stretch(log: Log, drive: str = "u", from_start: bool = False) -> Log:
     travel = []
     for a, b in pairwise(edges.tolist()):  # piece by piece: a long log fills the memory as it is
         part = u[a:b]
-        moves = np.diff(part, prepend=part[:1])
-        level = np.clip((part - low) / size * LEVELS, 0, LEVELS - 1).astype(np.int64)
-        rows.append(np.bincount(3 * level + np.sign(moves).astype(np.int64) + 1, minlength=3 * LEVELS))
-        travel.append(float(np.abs(moves).sum()))
+        rows.append(np.bincount(cells(part, low, size), minlength=3 * LEVELS))
+        travel.append(float(np.abs(np.diff(part)).sum()))
     table = np.array(rows)
     best, found = (-1, -1.0), 0
     for first in range(len(rows) - width + 1):

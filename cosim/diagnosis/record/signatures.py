@@ -17,6 +17,7 @@ from cosim.diagnosis.thresholds import (
     COARSE,
     COLOURED_REPEATS,
     GENTLE_START,
+    LEVELS,
     MANY_REPEATS,
     MOVING,
     NATURAL_REPEATS,
@@ -120,6 +121,18 @@ def stale_share(values: Array, rate: Array) -> tuple[float, float, float]:
     found = float(same.mean()) if same.size else 0.0
     share = max(0.0, (found - natural) / max(1.0 - natural, 1e-9))
     return share, float(np.sqrt(max(found * (1.0 - found), 1.0 / n) / n)), natural
+
+
+def cells(values: NDArray[np.float64], low: float, size: float) -> NDArray[np.int64]:
+    """(n,) the cell of level and direction, of 3 `LEVELS`, that each sample of a command (n,) visits.
+
+    Args:
+        values: of a part of the log.
+        low: least value of the whole, in the command's unit.
+        size: range of the whole.
+    """
+    level = np.clip((values - low) / size * LEVELS, 0, LEVELS - 1).astype(np.int64)
+    return 3 * level + np.sign(np.diff(values, prepend=values[:1])).astype(np.int64) + 1
 
 
 def resting(values: Array) -> NDArray[np.bool_]:

@@ -247,7 +247,7 @@ def of_group(task: Task, found: Fit, time: Array) -> Reference:
         found: the fitted model.
         time: (n,) stamps, s.
     """
-    return beside(task, found, time, lambda data: reference(data))
+    return beside(task, found, time, reference)
 
 
 def of_same_order(task: Task, found: Fit, time: Array) -> Reference:
