@@ -266,7 +266,7 @@ class Comparator:
                 if parameter == SPEED:
                     found[f"{name}.{parameter}"] = binding.gain * speed(self.log.time, self.log[signal])
                 elif binding.port is not None and binding.port.component == name:
-                    found[f"{name}.{parameter}"] = binding.gain * level(self.log[signal])
+                    found[f"{name}.{parameter}"] = binding.gain * level(self.log[signal], self.log.step)
         return found if any(found.values()) else {}
 
     @property

@@ -90,13 +90,26 @@ class DriveCurve:
     @property
     def left(self) -> float:
         """Share of how the speed varies that the curve leaves: about 1 where the command does not set the speed."""
-        spread = float(np.std(self.points[1])) if self.points[1].size else 0.0
-        return self.typical / spread if spread > 0.0 else 0.0
+        return left_of(self.typical, self.points[1])
 
     @property
     def scattered(self) -> bool:
         """Whether the intervals come from how the logs scatter, each by itself."""
         return len(self.each) == len(self.names) > 1
+
+
+def left_of(typical: float, speeds: Array) -> float:
+    """Share of how speeds (n,) vary that a curve with this typical error leaves."""
+    spread = float(np.std(speeds)) if speeds.size else 0.0
+    return typical / spread if spread > 0.0 else 0.0
+
+
+def not_set(left: float) -> str:
+    """That the command does not set the speed, in words, where a curve leaves this share of how it varies."""
+    return (
+        f"the curve leaves {100.0 * left:.0f} % of how the speed varies: the command does not set the speed alone "
+        "(a spring, a load, another axis), or not within the time over which it is taken"
+    )
 
 
 def drive_curve(runs: Sequence[Run]) -> DriveCurve:
@@ -106,7 +119,8 @@ def drive_curve(runs: Sequence[Run]) -> DriveCurve:
         runs: the logs.
 
     Raises:
-        DataError: no log, or they are too short, stand still, drive against their command or hold too few levels of it.
+        DataError: no log, or they are too short, stand still, drive against their command or hold too few levels of it,
+            or it does not set the speed.
     """
     if not runs:
         raise DataError("a static curve takes a log at least")
@@ -156,7 +170,7 @@ def _of(runs: Sequence[Run]) -> DriveCurve:
     command = commands(logs)
     limits = np.where([n.startswith("dead") for n in NAMES], np.abs(command).max(), np.abs(x[: len(NAMES)]))
     if not np.any((curved[: len(NAMES)] < limits)[: NAMES.index("top_low")]):  # no need to leave parts out
-        raise _too_few(logs)
+        raise _untold(logs, left_of(typical, goal))
     tenth = np.concatenate([np.arange(log.begins.size) * PARTS // log.begins.size for log in logs])
     count = [log.begins.size for log in logs]
     part = tenth if len(logs) == 1 else np.repeat(np.arange(len(logs)), count)
@@ -180,7 +194,7 @@ def _of(runs: Sequence[Run]) -> DriveCurve:
         if reach * d < limits[i]:
             values[name] = Estimate(float(x[i]), d, float(x[i] - reach * d), float(x[i] + reach * d))
     if not values:
-        raise _too_few(logs)
+        raise _untold(logs, left_of(typical, goal))
     off = student.ppf(0.975, PARTS - 1) * _jackknife(np.array(curves))
     size = STEADY * float(np.abs(command).max())
     steady = np.concatenate([log.steadiness() for log in logs]) <= size
@@ -190,10 +204,14 @@ def _of(runs: Sequence[Run]) -> DriveCurve:
     return DriveCurve(values, float(x[6]), float(x[7]), knots, speeds, band, typical, (), names, points)
 
 
-def _too_few(logs: Sequence[Fine]) -> DataError:
+def _untold(logs: Sequence[Fine], left: float) -> DataError:
+    """Why no number of the curve is known: the command does not set the speed, or too few of its levels were driven."""
+    why = (
+        "too few levels of the command to tell the dead zone from the slope beyond it; give logs of at least two levels of "
+        "each direction together"
+    )
     return DataError(
-        f"{', '.join(log.run.name for log in logs)}: too few levels of the command to tell the dead zone from the "
-        "slope beyond it; give logs of at least two levels of each direction together"
+        f"{', '.join(log.run.name for log in logs)}: {not_set(left) if left > OF_ITS_OWN else why}"
     )
 
 

@@ -10,7 +10,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from cosim.errors import DataError
 from cosim.identify.answer import Answer
-from cosim.identify.drive_curve import OF_ITS_OWN, DriveCurve, Estimate, drive_curve
+from cosim.identify.drive_curve import OF_ITS_OWN, DriveCurve, Estimate, drive_curve, not_set
 from cosim.identify.drive_fit import Run
 from cosim.identify.drive_held_out import Predicted, predicted
 from cosim.logs import Log, Mapping
@@ -313,10 +313,7 @@ def _notes(curve: DriveCurve, count: int) -> list[str]:
     """What to beware of in a curve of so many logs."""
     notes = []
     if curve.left > OF_ITS_OWN:
-        notes.append(
-            f"the curve leaves {100.0 * curve.left:.0f} % of how the speed varies: the command does not set the speed alone "
-            "(a spring, a load, another axis), or not within the time over which it is taken"
-        )
+        notes.append(not_set(curve.left))
     if count == 1:
         notes.append(
             "one log says nothing of the next: the scatter between logs of other drives widens its intervals"

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.inference.thresholds import (
+    START_HANGS,
     START_LACK,
     START_PART,
     START_SAMPLES,
@@ -14,19 +15,36 @@ from cosim.inference.thresholds import (
 
 Array = NDArray[np.float64]
 
+PARTED = 4  # a span's third differences reach over three parts of it
+THIRD = np.array([-1.0, 3.0, -3.0, 1.0])
 SAME_INPUT = 1e-6  # of its range, by which an input may differ and still be the same: rounding
 
 
-def level(values: Array) -> float:
-    """First value (n,), or 0 where it is no more than the signal's noise.
-
-    The noise is that of the first differences, so a signal that moves slowly against its samples counts as still.
-    """
+def level(values: Array, h: float) -> float:
+    """First value (n,), or 0 where it is no more than the signal's noise, of values (n,) every `h` s."""
     first = values[: 5 * START_SAMPLES]
     if first.size < START_SAMPLES:
         return 0.0
-    noise = float(np.median(np.abs(np.diff(first)))) / (0.6745 * np.sqrt(2.0))
+    noise = max(scatter(first, 1), scatter(first, parted(first.size, h)))
     return float(first[0]) if abs(first[0]) > START_SURE * noise else 0.0
+
+
+def scatter(values: Array, apart: int) -> float:
+    """Standard deviation of the noise of values (n,), by third differences of values so many samples apart.
+
+    A smooth motion hardly shows in them; noise that hangs together for some samples shows the more the further apart.
+    """
+    return float(np.median(np.abs(values[third(values.size, apart)] @ THIRD))) / (0.6745 * np.sqrt(20.0))
+
+
+def third(count: int, apart: int) -> NDArray[np.int64]:
+    """(k, 4) numbers of the samples of each third difference of `count` samples, `apart` of one another."""
+    return np.arange(count - 3 * apart)[:, None] + apart * np.arange(4)
+
+
+def parted(count: int, h: float) -> int:
+    """Samples every `h` s in a part of `count` of them, or of the longest span in which a motion is smooth."""
+    return max(1, min(count, round(START_SPAN / h)) // PARTED)
 
 
 def speed(time: Array, values: Array) -> float:
@@ -46,9 +64,24 @@ def speed(time: Array, values: Array) -> float:
             break
         count = max(START_SAMPLES, count // 2)
     mean = float(np.polyfit(t, values[:count], 1)[0])
+    error = max(
+        error, error / max(left, 1e-300) * hanging(values[: 5 * count], count, float(time[1] - time[0]))
+    )
     if abs(first) <= START_SURE * error or first * mean <= 0.0 or abs(first) < START_PART * abs(mean):
         return 0.0
     return first / float(time[count - 1] - time[0])
+
+
+def hanging(values: Array, count: int, h: float) -> float:
+    """Noise of so many independent samples that errs a parabola's slope as much as that of values (n,) every `h` s.
+
+    Filtered readings wander: for a few samples that is a slope. Of noise whose scatter grows with the distance as many
+    of `count` samples are independent as the scatter of neighbours leaves of that of samples a part of the span apart.
+    """
+    near, far = scatter(values, 1), scatter(values, parted(count, h))
+    if far <= START_HANGS * near:
+        return near
+    return far * float(np.sqrt(count / max(PARTED, count * (near / far) ** 2)))
 
 
 def rests(u: Array, y: Array) -> bool:

@@ -70,9 +70,18 @@ class Noise:
         """
         places = every(rows.shape[1]) if places is None else places
         own = np.ascontiguousarray(rows, dtype=np.float64)
+        return _whiten(own, *self._factor(places), *self._correlated)
+
+    def log_determinant(self, places: NDArray[np.int64]) -> float:
+        """Logarithm of the determinant of the covariance at `places` (n,): what a likelihood pays for larger noise."""
+        _, _, roots = self._factor(places)
+        return 2.0 * float(np.sum(np.log(roots)))
+
+    def _factor(self, places: NDArray[np.int64]) -> tuple[Array, Array, Array]:
+        """Gaps between `places` (n,), and the factor of the covariance there: weights (n, j) and roots (n,)."""
         known = self._factors.get(id(places))
         if known is not None and known[0] is places:
-            return _whiten(own, *known[1], *self._correlated)
+            return known[1]
         total = self.white + sum(self.sizes)
         gaps = np.diff(places, prepend=places[:1]).astype(np.float64)
         factor = gaps, *_factored(gaps, max(self.white, LEAST_WHITE * total), *self._correlated)
@@ -80,7 +89,7 @@ class Noise:
             if len(self._factors) >= FACTORS_KEPT:
                 self._factors.clear()
             self._factors[id(places)] = places, factor
-        return _whiten(own, *factor, *self._correlated)
+        return factor
 
     @cached_property
     def _factors(self) -> dict[int, tuple[NDArray[np.int64], tuple[Array, Array, Array]]]:

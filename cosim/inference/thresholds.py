@@ -44,6 +44,13 @@ START_LACK: Annotated[
     "noise alone leaves as much as it is",
     "real logs as a whole, not by itself",
 ] = 2.0
+START_HANGS: Annotated[
+    float,
+    "scatter of neighbours",
+    "scatter of samples further apart beyond which noise hangs together, and a slope must be larger to be a speed",
+    "a random walk has 1.7 at the shortest distance; white noise seldom more than this",
+    "of logs at rest whose noise hangs together for 3 to 60 samples 1 to 3 % begin in motion, 6 to 20 % without it",
+] = 1.5
 START_SAMPLES: Annotated[
     int,
     "samples",

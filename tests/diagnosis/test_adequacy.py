@@ -43,15 +43,22 @@ def leftover(residual: Array) -> Leftover:
 
 
 @pytest.mark.parametrize(
-    ("linear", "ours", "outdone"), [(0.60, 0.72, True), (0.72, 0.60, False), (0.60, 0.601, False)]
+    ("linear", "ours", "step", "outdone"),
+    [
+        (0.60, 0.72, 0.0, True),
+        (0.72, 0.60, 0.0, False),
+        (0.60, 0.601, 0.0, False),
+        (0.06, 0.12, 0.2, False),
+        (0.06, 0.40, 0.2, True),
+    ],
 )
 def test_what_a_linear_model_predicts_better_is_not_explained(
-    linear: float, ours: float, outdone: bool
+    linear: float, ours: float, step: float, outdone: bool
 ) -> None:
-    """By more than the sensor's noise; 0.60 against 0.72 cm was `explained` on a boom of the small excavator."""
+    """By more than the sensor's noise, or a step of its readings; 0.60 against 0.72 cm was a small excavator's boom."""
     squares = np.linspace(0.5, 1.5, 24)  # of such windows the difference is not clear
     reference = Reference(None, linear**2 * squares, ours**2 * squares[::-1])  # type: ignore[arg-type]
-    assert outdone_by_linear({"slew": reference}, {"slew": 0.05}) is outdone
+    assert outdone_by_linear({"slew": reference}, {"slew": 0.05}, {"slew": step} if step else {}) is outdone
 
 
 @pytest.mark.parametrize(("linear", "better"), [(0.95, False), (0.85, True)])

@@ -9,6 +9,7 @@ from cosim.diagnosis.fitting import starts
 from cosim.diagnosis.fitting.fit import Fit, Task, Unknown, fit
 from cosim.diagnosis.fitting.noise import plain
 from cosim.diagnosis.fitting.starts import fit_from_starts
+from cosim.diagnosis.held_out.free_run import whole
 
 X = np.linspace(-1.0, 1.0, 2000)
 RULE = plain(1, 100, False)
@@ -179,3 +180,10 @@ def test_a_quick_fit_differences_its_slopes_once() -> None:
     assert quick.values == pytest.approx({"m.a": 2.0, "m.c": 1.5}, abs=1e-3)
     assert not quick.settled
     assert Counted.runs <= 2 + 12 + 1  # a column each, the rounds, and the residuals at the end
+
+
+def test_a_signal_met_to_its_last_digit_can_be_judged_over_the_whole_log() -> None:
+    """A reading that stands still is met without any error; beside it the others still count."""
+    judged = whole(task(X**2), {"y": 0.0})
+    assert np.isfinite(judged.rules["y"].matrix).all()
+    assert np.isfinite(judged.white({"y": np.zeros_like(X)})).all()

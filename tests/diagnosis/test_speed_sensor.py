@@ -1,5 +1,6 @@
 """A machine that measures its speed: a gyroscope alone, or beside the angle."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from cosim.diagnosis.answer.remarks import zero_of_speed
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.model.choice import machine_of
 from cosim.diagnosis.model.groups import Group, merged
@@ -29,7 +31,7 @@ PRESSURES = ("u", "spool", "p_a", "p_b", "p_supply")
 
 
 def files(
-    folder: Path, columns: tuple[str, ...], *hidden: str, bias: float = 0.0, seed: int = 5
+    folder: Path, columns: tuple[str, ...], *hidden: str, bias: float = 0.0, seed: int = 5, lines: str = ""
 ) -> tuple[Path, Path]:
     """A synthetic log with a gyroscope, as files."""
     run = make_log("steps", 10.0, hidden, seed=seed, settings=off(seed, *hidden))
@@ -39,13 +41,15 @@ def files(
     pd.DataFrame({"time": run.time, **values}).to_csv(log, index=False)
     tables = [f'[signals.{n}]\ncolumn = "{n}"\nunit = "{UNITS[n]}"\n' for n in columns]
     bound = '[compare.signals.slew_rate]\nvariable = "mechanical.omega"\n'
-    mapping.write_text("\n".join(['[time]\ncolumn = "time"\nunit = "s"\n', *tables, bound]))
+    mapping.write_text("\n".join(['[time]\ncolumn = "time"\nunit = "s"\n', *tables, bound, lines]))
     return log, mapping
 
 
-def diagnosed(folder: Path, columns: tuple[str, ...], *hidden: str, bias: float = 0.0) -> Diagnosis:
+def diagnosed(
+    folder: Path, columns: tuple[str, ...], *hidden: str, bias: float = 0.0, lines: str = ""
+) -> Diagnosis:
     """Diagnosis of the mechanics, alone where the pressures that drive them were measured."""
-    path, mapping = files(folder, columns, *hidden, bias=bias)
+    path, mapping = files(folder, columns, *hidden, bias=bias, lines=lines)
     log = load_log(path, mapping)
     machine = machine_of("full_order", log, mapping)
     if set(PRESSURES) <= set(columns):
@@ -91,9 +95,18 @@ def test_friction_is_found_in_a_speed(tmp_path: Path, columns: tuple[str, ...]) 
     assert found.verdict == "explained"
 
 
-@pytest.mark.slow
-def test_a_gyroscopes_own_offset_is_no_cause(tmp_path: Path) -> None:
+def test_a_gyroscope_whose_zero_is_off_looks_as_a_constant_load_does(tmp_path: Path) -> None:
     found = diagnosed(tmp_path, (*PRESSURES, "slew_rate"), bias=0.01)
+    assert [c.effect.name for c in found.causes] == ["mechanical.constant_load"]
+    (said,) = zero_of_speed(found)
+    assert re.search(r"mechanical.constant_load moves slew_rate by 0\.010?\d* throughout", said), said
+    assert "`drifting`" in said
+
+
+@pytest.mark.slow
+def test_the_zero_of_a_gyroscope_that_drifts_is_no_cause(tmp_path: Path) -> None:
+    drifting = '[diagnose]\ndrifting = ["slew_rate"]\n'
+    found = diagnosed(tmp_path, (*PRESSURES, "slew_rate"), bias=0.01, lines=drifting)
     assert found.causes == []
     assert found.verdict == "adequate"
 

@@ -38,7 +38,8 @@ def log():
 def test_the_slew_tells_a_smaller_flow_gain_from_a_leak(log) -> None:
     (cause,) = diagnose(log).causes
     assert cause.effect.name == FLOW_GAIN
-    assert cause.indistinguishable == []
+    # what a valve passes less under load is a smaller gain, too, where the load is about the same
+    assert set(cause.indistinguishable) <= {"continuity.flow_pressure"}
     behind = {e.name: far for e, far in cause.rivals}
     assert behind[LEAKAGE] > 6.0
 

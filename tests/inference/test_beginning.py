@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
+from scipy.signal import lfilter
 from scipy.stats import norm
 
 from cosim.inference.beginning import level, parabola, rests, speed
@@ -70,14 +71,35 @@ def test_noise_is_no_speed() -> None:
     assert np.count_nonzero(found) <= 1  # 5 standard errors
 
 
+def wandering(samples: float, seed: int) -> np.ndarray:
+    """Noise of unit size that hangs together for so many samples, as of filtered readings."""
+    step = np.exp(-1.0 / samples)
+    white = np.random.default_rng(seed).standard_normal(TIME.size + 400) * np.sqrt(1.0 - step**2)
+    return lfilter([1.0], [1.0, -step], white)[400:]
+
+
+@pytest.mark.parametrize("samples", [3.0, 10.0, 20.0])
+def test_noise_that_hangs_together_is_neither_a_speed_nor_a_level(samples: float) -> None:
+    """By neighbours alone 6 to 18 % of such logs would begin in motion."""
+    each = [wandering(samples, seed) for seed in range(300)]
+    assert sum(speed(TIME, own) != 0.0 for own in each) <= 12
+    assert sum(level(own, 1e-3) != 0.0 for own in each) <= 12
+
+
+def test_a_speed_beyond_noise_that_hangs_together_is_found() -> None:
+    found = np.array([speed(TIME, 5.0 * TIME + 3e-3 * wandering(10.0, seed)) for seed in range(50)])
+    assert np.mean(found > 0.0) > 0.9
+    assert np.median(found) == pytest.approx(5.0, rel=0.1)
+
+
 def test_a_signal_that_stands_off_zero_has_a_level_and_noise_has_none() -> None:
-    assert level(3.0 + noise(0.1)) == pytest.approx(3.0, abs=0.5)
-    assert [level(noise(0.1, seed)) for seed in range(50)] == [0.0] * 50
+    assert level(3.0 + noise(0.1), 1e-3) == pytest.approx(3.0, abs=0.5)
+    assert [level(noise(0.1, seed), 1e-3) for seed in range(50)] == [0.0] * 50
 
 
 def test_of_too_few_samples_nothing_is_said() -> None:
     assert speed(TIME[:5], TIME[:5]) == 0.0
-    assert level(np.ones(5)) == 0.0
+    assert level(np.ones(5), 1e-3) == 0.0
 
 
 def test_samples_far_apart_take_ten_of_them() -> None:
@@ -125,7 +147,7 @@ def test_a_motion_that_begins_with_the_record_is_no_rest_though_the_way_of_a_min
 def test_a_level_is_the_first_value_itself() -> None:
     values = 30.0 + np.arange(50.0) % 7.0
     values[1] = 0.0
-    assert level(values) == 30.0
+    assert level(values, 1e-3) == 30.0
 
 
 # a zigzag by 1 has differences of that size: of white noise they are as often larger as smaller at this standard deviation
@@ -135,9 +157,9 @@ NOISE = 1.0 / (norm.ppf(0.75) * np.sqrt(2.0))
 
 @pytest.mark.parametrize(("share", "stands"), [(0.99, True), (1.01, False)])
 def test_a_first_value_counts_from_so_many_times_the_noise_on(share: float, stands: bool) -> None:
-    first = share * START_SURE * NOISE
-    assert level(first - 0.5 + ZIGZAG) == (0.0 if stands else pytest.approx(first))
-    assert level(-first - 0.5 + ZIGZAG) == (0.0 if stands else pytest.approx(-first))
+    first = share * START_SURE * 4.0 / (norm.ppf(0.75) * np.sqrt(20.0))  # its third differences are 4
+    assert level(first - 0.5 + ZIGZAG, 1e-3) == (0.0 if stands else pytest.approx(first))
+    assert level(-first - 0.5 + ZIGZAG, 1e-3) == (0.0 if stands else pytest.approx(-first))
 
 
 @pytest.mark.parametrize(("share", "rest"), [(0.99, True), (1.01, False)])

@@ -303,6 +303,30 @@ def no_sign(record: Record, machine: Machine) -> list[str]:
     ]
 
 
+def zero_of_speed(diagnosis: Diagnosis) -> list[str]:
+    """That a cause which does no more than move a measured speed is no other than a sensor whose zero is off."""
+    found = []
+    for cause in diagnosis.causes:
+        finding = diagnosis.findings.get(cause.group)
+        if finding is None or (model := finding.task.model).group.integrates or not model.group.level_counts:
+            continue
+        with_it = finding.chosen.fit.values
+        without = with_it | {name: model.nominal(name) for name in names_of(cause.effect).values()}
+        one, other = model.simulate(with_it), model.simulate(without)
+        for signal in filter(model.group.is_speed, finding.task.measured):
+            moved_by = one[signal] - other[signal]
+            offset = float(np.median(moved_by))
+            if np.median(np.abs(moved_by - offset)) >= AT_ZERO * abs(offset):
+                continue
+            unit, scale = shown(signal)
+            size = f"{offset * scale:.3g}{'' if unit == '1' else ' ' + unit}"
+            found.append(
+                f"{cause.effect.name} moves {signal} by {size} throughout, as a sensor does whose zero "
+                "is off by as much: check its zero at rest, or name it under `drifting` in the mapping file"
+            )
+    return found
+
+
 def itself(record: Record, drive: str, place: str) -> bool:
     """Whether a place follows its drive itself, in most pieces of a record of those that tell."""
     if not record.has(drive, place):
@@ -360,7 +384,7 @@ def advice(diagnosis: Diagnosis) -> list[str]:
     """How to record or map a log that tells more, and what it says in the numbers that the file states."""
     record, machine = diagnosis.record, diagnosis.machine
     direction = one_way(record, machine) or one_sided(record, machine)
-    more = no_sign(record, machine) + at_once(diagnosis) + one_level(diagnosis)
+    more = no_sign(record, machine) + zero_of_speed(diagnosis) + at_once(diagnosis) + one_level(diagnosis)
     return as_stated(diagnosis) + direction + more
 
 

@@ -10,7 +10,7 @@ from cosim.compare.metrics import rms
 from cosim.diagnosis.budget import current
 from cosim.diagnosis.fitting.fit import Fit, Task, Unknown, fit, placed
 from cosim.diagnosis.fitting.group_model import GroupModel
-from cosim.diagnosis.fitting.noise import Whitener
+from cosim.diagnosis.fitting.noise import NO_NOISE, Whitener
 from cosim.diagnosis.fitting.trials import tried, unknowns
 from cosim.diagnosis.record.grid import of_piece
 from cosim.diagnosis.record.record import Record, fixed_values, is_start
@@ -34,8 +34,10 @@ def whole(task: Task, size: Mapping[str, float], mask: NDArray[np.bool_] | None 
         size: signal -> size of the error, SI.
         mask: (windows,) windows that count, or None for all.
     """
+    # a reading that the model meets to its last digit, such as one that stands still, leaves no error
+    square = {s: max(own, NO_NOISE) ** 2 for s, own in size.items()}
     rules = {
-        s: Whitener(r.bins, r.window, False, (size[s] ** 2,) + (0.0,) * len(r.sizes[1:]), r.skip, cuts=r.cuts)
+        s: Whitener(r.bins, r.window, False, (square[s],) + (0.0,) * len(r.sizes[1:]), r.skip, cuts=r.cuts)
         for s, r in task.rules.items()
     }
     return Task(task.model, task.measured, rules, lost=task.lost, mask=mask)
@@ -62,7 +64,7 @@ def refitted(
         near: a fit in windows of a set nearby.
         mask: (windows,) windows that count, or None for all.
     """
-    size = {s: max(float(np.std(r)), 1e-300) for s, r in near.residuals.items()}
+    size = {s: float(np.std(r)) for s, r in near.residuals.items()}
     task = whole(finding.task, size, mask)
     wanted, _ = unknowns(task.model, effects, tolerance)
     found = tried(finding.task, effects, tolerance, near).fit

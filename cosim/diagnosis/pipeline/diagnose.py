@@ -578,16 +578,21 @@ def beside_the_whole(found: Diagnosis, constants: Mapping[str, float], trust: fl
     )
 
 
-def outdone_by_linear(references: Mapping[str, Reference], noise: Mapping[str, float]) -> bool:
+def outdone_by_linear(
+    references: Mapping[str, Reference], noise: Mapping[str, float], steps: Mapping[str, float]
+) -> bool:
     """True if a linear model of free order leaves less of a signal on held-out data, by more than the sensor's noise.
 
-    However unclear that is: what a linear model predicts better is not explained.
+    However unclear that is: what a linear model predicts better is not explained. Of readings in steps a prediction that
+    is rounded as they are errs by a whole step where it is off by less, as the place is in which it begins.
 
     Args:
         references: signal -> linear reference beside the extended model.
         noise: signal -> size of its noise per sample, SI.
+        steps: signal -> step of its readings where that is coarser than their noise, SI.
     """
-    return any(r.ours_error**2 - r.error**2 > noise[s] ** 2 for s, r in references.items() if s in noise)
+    unsure = {s: max(own, steps.get(s, 0.0)) for s, own in noise.items()}
+    return any(r.ours_error**2 - r.error**2 > unsure[s] ** 2 for s, r in references.items() if s in unsure)
 
 
 def verdict_of(named: list[Cause], left: list[Rest]) -> str:
@@ -804,7 +809,8 @@ def stages(
     if folder is not None and found.gains and can_replace(found):
         with part_of(found.notes, "the linear model in the place of the blocks"):
             replaced(found, folder)
-    if found.verdict == "explained" and outdone_by_linear(found.references, found.noise):
+    steps = {s: step for f in found.findings.values() for s, step in f.task.steps.items()}
+    if found.verdict == "explained" and outdone_by_linear(found.references, found.noise, steps):
         found.verdict = "partly_explained"
     found.stage = ""
 

@@ -181,10 +181,10 @@ def begun_values(record: Record, group: Group) -> dict[str, float]:
         if "omega_0" in declared and (s := group.shows(component, "theta")) in record.signals:
             found[f"{component}.omega_0"] = speed(record.time, record.signals[s])
         if "omega_0" in declared and (s := group.shows(component, SPEED)) in record.signals:
-            found[f"{component}.omega_0"] = level(record.signals[s])
+            found[f"{component}.omega_0"] = level(record.signals[s], record.h)
         for output in ("spool", "p_load"):
             if f"{output}_0" in declared and (s := shown_by(group, component, output)) in record.signals:
-                found[f"{component}.{output}_0"] = level(record.signals[s])
+                found[f"{component}.{output}_0"] = level(record.signals[s], record.h)
     if not any(found.values()):
         return {}
     before = settled(group, float(record.signals[group.drive][0])) if group.drive in record.signals else {}

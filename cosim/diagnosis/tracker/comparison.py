@@ -19,7 +19,7 @@ from threadpoolctl import threadpool_limits
 
 from cosim.diagnosis.fitting.fit import Fit
 from cosim.diagnosis.record.record import Record
-from cosim.diagnosis.record.signatures import grid_step
+from cosim.diagnosis.record.signatures import coarse_step, grid_step
 from cosim.diagnosis.thresholds import (
     CHI_SQUARE_95,
     CLOCK_SURE,
@@ -92,13 +92,13 @@ def compare_tracker(
     record = replace(record, signals=record.signals | {"slew": quick})
     with threadpool_limits(1):  # small matrices: more threads only wait for one another
         model, fits, best = explained(record, tracker)
-        rounds = ""
-        if best:  # a converter that cuts off reads half a step too little on average, and would pass for one of them
-            for way, less in cut_off(readings).items():
-                whole = replace(record, signals=record.signals | {"slew": record.signals["slew"] + less})
-                other = explained(whole, tracker)
-                if believed(other[1], other[2]) > believed(fits, best) + 1.0:
-                    (model, fits, best), rounds = other, way
+        rounds, count = "", fits[best].count
+        # a converter that cuts off reads half a step too little on average, and would pass for an error or for slow noise
+        for way, less in cut_off(readings).items() if best or coarse_step(readings) else ():
+            whole = replace(record, signals=record.signals | {"slew": record.signals["slew"] + less})
+            other = explained(whole, tracker)
+            if beside_noise(*other) > beside_noise(model, fits, best) + 1.0 / count:
+                (model, fits, best), rounds = other, way
     everything = fits[ERRORS]
     each = price(everything)
     found = fits[best]
@@ -163,6 +163,11 @@ def price(everything: Fit) -> float:
 def believed(fits: Mapping[tuple[str, ...], Fit], chosen: tuple[str, ...]) -> float:
     """Log-likelihood of a set of errors less their price."""
     return fits[chosen].log_likelihood - price(fits[ERRORS]) * len(chosen)
+
+
+def beside_noise(model: TrackerModel, fits: Mapping[tuple[str, ...], Fit], chosen: tuple[str, ...]) -> float:
+    """The same of a reading, where the noise was learned with it: what is taken for larger noise explains less."""
+    return (believed(fits, chosen) - model.log_scale) / fits[chosen].count
 
 
 def cut_off(readings: Array) -> dict[str, Array]:

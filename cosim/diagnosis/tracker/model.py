@@ -121,6 +121,11 @@ class TrackerModel:
         white = self.noise.whiten(rows, self.places)
         return white if self.mask.all() else white[:, self.mask]
 
+    @property
+    def log_scale(self) -> float:
+        """Log-likelihood that readings cost by the size of their noise, those left out by `mask` too."""
+        return 0.5 * self.noise.log_determinant(self.places)
+
     def fit(self, names: Sequence[str], start: Mapping[str, float], clock: bool = True) -> Fit:
         """Least squares over offset, rate and `names`, from `start` and from the seam alone: the better one.
 
