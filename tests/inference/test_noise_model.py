@@ -36,6 +36,8 @@ def test_whitening_is_the_inverse_cholesky_factor(white: float, sizes: list[floa
     np.testing.assert_allclose(
         noise.whiten(rows, places), expected, rtol=0.0, atol=1e-8 * np.abs(expected).max()
     )
+    sign, logarithm = np.linalg.slogdet(dense(noise, places))
+    assert (sign, noise.log_determinant(places)) == (1.0, pytest.approx(logarithm, abs=1e-8))
 
 
 def test_the_factor_that_is_kept_is_that_of_the_places_asked_for() -> None:
