@@ -64,12 +64,12 @@ def speed(time: Array, values: Array) -> float:
             break
         count = max(START_SAMPLES, count // 2)
     mean = float(np.polyfit(t, values[:count], 1)[0])
-    error = max(
-        error, error / max(left, 1e-300) * hanging(values[: 5 * count], count, float(time[1] - time[0]))
-    )
+    span = float(time[count - 1] - time[0])
+    wanders = hanging(values[: 5 * count], count, span / (count - 1))
+    error = max(error, error / max(left, 1e-300) * wanders)
     if abs(first) <= START_SURE * error or first * mean <= 0.0 or abs(first) < START_PART * abs(mean):
         return 0.0
-    return first / float(time[count - 1] - time[0])
+    return first / span
 
 
 def hanging(values: Array, count: int, h: float) -> float:
