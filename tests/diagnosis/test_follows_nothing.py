@@ -5,6 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from cosim.diagnosis.answer.answer import localisation
+from cosim.diagnosis.residuals.freeform import Leftover
 from cosim.diagnosis.verdict.verdict import unfollowed
 
 TIME = np.arange(1000) * 0.02
@@ -34,3 +36,16 @@ def found(measured, residual):
 def test_what_moves_must_be_followed(measured, residual, told):
     """Noise learned of errors that are as slow and as large as the motion took them all for noise."""
     assert unfollowed(found(measured, residual), "speed") is told
+
+
+def test_the_block_that_follows_nothing_has_the_error(monkeypatch):
+    """It was unexplained, and its block had "0 % of the error"."""
+    belt = np.abs(np.sin(3.0 * TIME))
+    finding = found(belt + NOISE, belt - np.sin(3.0 * TIME) + NOISE)
+    finding.task.rules["speed"].rms = 1.0
+    finding.chosen.fit.log_likelihood, finding.chosen.effects = 0.0, ()
+    finding.null, finding.events = finding.chosen, {}
+    finding.before = {"speed": Leftover(1.0, 0.0, 0.5, belt, {}, {}, 0.0)}
+    monkeypatch.setattr("cosim.diagnosis.answer.answer.at_first", lambda finding, signal: 0.5)
+    (place,) = localisation(SimpleNamespace(findings={"mechanical": finding}))
+    assert place.share == 1.0
