@@ -113,6 +113,8 @@ def conversion(unit: str, target: str) -> float:
     """
     check_spelling(unit)
     scale = factor(unit, target)
+    if unit == target:
+        return scale
     one, two = (registry().Quantity(x, parse_unit(unit)).to_base_units().magnitude for x in (1.0, 2.0))
     if not math.isclose(two, 2.0 * one):
         raise UsageError(f"unit '{unit}' has an offset or is logarithmic: give one that is a plain multiple")

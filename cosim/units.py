@@ -110,13 +110,35 @@ def base_factor(unit: str) -> float:
 
 
 @cache
+def own_zero(unit: str) -> tuple[float, float] | None:
+    """Factor and offset to the SI unit, SI = factor * value + offset, of one with a zero of its own (degC); else None.
+
+    Raises:
+        UsageError: the text is not a unit.
+    """
+    from pint.errors import PintError
+
+    parsed = parse_unit(unit)
+    try:
+        zero, one, ten = (
+            float(registry().Quantity(x, parsed).to_base_units().magnitude) for x in (0.0, 1.0, 10.0)
+        )
+    except (PintError, ArithmeticError):
+        return None
+    straight = abs(ten - zero - 10.0 * (one - zero)) <= 1e-9 * abs(ten)
+    return (one - zero, zero) if zero != 0.0 and straight else None
+
+
+@cache
 def factor(unit: str, target: str) -> float:
-    """Factor that turns a number in `unit` into one in `target`.
+    """Factor that turns a number in `unit` into one in `target`; 1 for a unit and itself, degC and dB too.
 
     Raises:
         UsageError: the two have different dimensions, or one of them is no plain multiple (degC, dB).
     """
     source, goal = parse_unit(unit), parse_unit(target)
+    if unit == target:
+        return 1.0
     if source.dimensionality != goal.dimensionality:
         raise UsageError(f"unit '{unit}' has the wrong dimension: expected one like '{target}'")
     base_factor(unit), base_factor(target)

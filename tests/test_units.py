@@ -11,7 +11,10 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from cosim.compare.mapping import load_mapping
 from cosim.errors import UsageError
+from cosim.logs.load import load_log
+from cosim.ssp.quantities import of_reading
 from cosim.units import base_exponents, factor, fmi_to_pint, parse_quantity, parse_unit, registry
 
 ODD = [
@@ -26,12 +29,15 @@ def test_what_is_no_unit_is_refused(unit: str) -> None:
         factor(unit, "1")
 
 
-@pytest.mark.parametrize("unit", ["degC", "degF", "dB", "dBm", "Np"])
-def test_units_that_are_no_plain_multiple_are_refused(unit: str) -> None:
+@pytest.mark.parametrize(
+    ("unit", "si"), [("degC", "K"), ("degF", "K"), ("dB", "1"), ("dBm", "kg.m2/s3"), ("Np", "1")]
+)
+def test_units_that_are_no_plain_multiple_are_refused(unit: str, si: str) -> None:
+    assert factor(unit, unit) == 1.0
     for call in (
-        lambda: factor(unit, unit),
+        lambda: factor(unit, si),
         lambda: base_exponents(unit),
-        lambda: parse_quantity(f"3 {unit}", unit),
+        lambda: parse_quantity(f"3 {unit}", si),
     ):
         with pytest.raises(UsageError, match="offset or is logarithmic"):
             call()
@@ -178,3 +184,25 @@ def test_units_kept_by_an_environment_that_is_gone_are_read_and_kept_anew(tmp_pa
     assert registry.__wrapped__().Quantity(180.0, "deg").to("rad").magnitude == pytest.approx(math.pi)
     # one that fails with what is kept reads no further than this
     assert pint.UnitRegistry(cache_folder=kept).Quantity(1.0, "m").magnitude == 1.0
+
+
+@pytest.mark.parametrize(
+    ("log", "fmu", "number"),
+    [("degC", "degC", 20.0), ("degC", "K", 293.15), ("degF", "degC", -6.6667), ("K", "degC", -253.15)],
+)
+def test_temperatures_keep_their_zero_between_log_and_fmu(log, fmu, number):
+    """A log in degC was refused beside every FMU, also by the mapping that `cosim init` had written of it."""
+    factor, offset = of_reading(log, log, fmu, {})
+    assert factor * 20.0 + offset == pytest.approx(number, abs=1e-4)
+
+
+def test_a_mapping_may_have_a_column_in_degrees_celsius(tmp_path):
+    """Its readings are taken as they are: what an FMU makes of them is asked when both are known."""
+    log, mapping = tmp_path / "heat.csv", tmp_path / "heat.toml"
+    log.write_text("time [s],temp [degC]\n" + "".join(f"{k},{20 + k}\n" for k in range(20)))
+    mapping.write_text(
+        'model = "heat.fmu"\n[time]\ncolumn = "time [s]"\n[signals.temp]\ncolumn = "temp [degC]"\nunit = "degC"\n'
+    )
+    read = load_log(log, load_mapping(mapping)[0])
+    assert read.units["temp"] == read.display["temp"] == "degC"
+    assert read.signals["temp"][3] == 23.0

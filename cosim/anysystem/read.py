@@ -19,6 +19,7 @@ from cosim.logs.mapping import SignalColumn, TimeColumn
 from cosim.logs.source import Label
 from cosim.machines import in_package
 from cosim.signals import SIGNALS, SYNTHETIC_COLUMN, conversion
+from cosim.ssp.hints import did_you_mean
 from cosim.ssp.quantities import UnitDefinition, contradiction, definition, of_reading
 from cosim.ssp.stated import assumed_si, constants, variables, with_units
 from cosim.ssp.system import Port, System, Value, Variable
@@ -27,6 +28,7 @@ from cosim.units import parse_quantity
 
 Array = NDArray[np.float64]
 OWN = "in the unit of the FMU"
+LISTED = 12  # parameters that a message lists
 
 
 @dataclass(frozen=True)
@@ -207,7 +209,7 @@ def read(
     plain: LogMapping | None = None
     if mapping is not None:
         plain, table = load_mapping(mapping)
-        options = options_of(plain.diagnose, mapping)
+        options = with_full_names(system, options_of(plain.diagnose, mapping))
         lacking = with_units(system, table.units)
         stated = {**table.signals, **in_package(system, plain, table)}
         for name in plain.signals:
@@ -283,6 +285,21 @@ def ends(system: System, port: Port) -> list[tuple[Port, float, float]]:
     return [(w.target, w.factor, w.offset) for w in system.inputs[port.variable].targets]
 
 
+def with_full_names(system: System, options: AnyOptions) -> AnyOptions:
+    """Trusted and free parameters as ``component.parameter``: beside a single FMU the parameter's name is enough."""
+
+    def full(name: str) -> str:
+        ports = () if _variable(system, name) else variables(system, name)
+        return str(ports[0]) if len(ports) == 1 else name
+
+    return options.model_copy(
+        update={
+            "trusted": {full(n): v for n, v in options.trusted.items()},
+            "free": tuple(full(n) for n in options.free),
+        }
+    )
+
+
 def with_constants(system: System, options: AnyOptions, given: Mapping[str, Value]) -> AnyOptions:
     """Give the system what the mapping says of parameters and of inputs that were not measured, as a package would."""
     for name, value in given.items():
@@ -324,6 +341,18 @@ def _variable(system: System, name: str) -> Variable | None:
     return part.fmu.variables.get(variable) if part else None
 
 
+def _parameters(system: System, name: str) -> str:
+    """The parameters that may have been meant, else all, for a message."""
+    known = [
+        f"{c.name}.{n}"
+        for c in system.components.values()
+        for n, v in c.fmu.variables.items()
+        if v.kind == "Real" and v.causality == "parameter"
+    ]
+    more = ", ..." if len(known) > LISTED else ""
+    return did_you_mean(name, known) or (f": it has {', '.join(known[:LISTED])}{more}" if known else "")
+
+
 def _bad_parameters(system: System, options: AnyOptions, measured: Collection[Port]) -> list[str]:
     found = [
         f"constant '{n}': it is measured: leave it out"
@@ -334,7 +363,7 @@ def _bad_parameters(system: System, options: AnyOptions, measured: Collection[Po
         component, _, parameter = name.partition(".")
         variable = _variable(system, name)
         if variable is None:
-            found.append(f"parameter '{name}': the system has none of this name")
+            found.append(f"parameter '{name}': the system has none of this name{_parameters(system, name)}")
         elif variable.causality == "input" and Port(component, parameter) in measured:
             found.append(f"parameter '{name}': an input that is measured is no parameter")
         elif variable.kind != "Real" or not variable.can_be_set:

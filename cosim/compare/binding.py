@@ -182,6 +182,9 @@ def _bound(system: System, signal: str, unit: str | None, text: str, factor: str
     component, _, variable = text.partition(".")
     port = system.outputs[text] if text in system.outputs else read_at(system, Port(component, variable))
     declared = system.variable(port)
+    if text not in system.outputs:
+        # an effect that an extended model has behind a connector hands on its numbers, whatever unit they are in
+        declared = replace(declared, unit=system.variable(Port(component, variable)).unit)
     gain = gain_between(signal, unit or declared.unit, declared.unit, factor)
     if declared.causality == "input":
         return _into(system, signal, unit or declared.unit, port, gain)

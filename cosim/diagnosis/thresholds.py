@@ -318,6 +318,20 @@ SYSTEMATIC: Annotated[
     "counting all tests, one clean log in a hundred thousand, were the noise known exactly",
     "blind suite: 2 of 335 clean logs called unexplained",
 ] = 1e-5
+AS_A_CONSTANT: Annotated[
+    float,
+    "share of a signal's spread",
+    "what a model leaves of a signal that moves, from which it follows nothing of it and is not adequate",
+    "a constant reading would leave all of it",
+    "not measured by itself; 0.95 of effects at ports, too",
+] = 0.95
+MOVES_BEYOND: Annotated[
+    float,
+    "noise of a sample",
+    "spread from which a signal moves, whatever the noise learned of a model's errors says",
+    "noise slower than a window of its floor adds to that, not five times as much",
+    "not measured by itself",
+] = 5.0
 SHOWN_AGAIN: Annotated[
     float,
     "log-likelihood",

@@ -9,7 +9,7 @@ from cosim.errors import ColumnsError, DataError, UsageError
 from cosim.logs.mapping import Column, Mapping, SignalColumn, raw_reading
 from cosim.logs.source import Label, Source, closest
 from cosim.signals import SIGNALS, SYNTHETIC_COLUMN, check_spelling, conversion
-from cosim.units import base_exponents
+from cosim.units import base_exponents, own_zero
 
 # whose plausible range is that of the crane's travel and sensors, of no other machine's; a command of 1 is full anywhere
 OF_THE_CRANE = tuple(name for name in SIGNALS if name not in ("time", "u"))
@@ -194,9 +194,14 @@ def _of_dimension(unit: str, si: str) -> bool:
 
 
 def _si_name(source: Source, label: Label, unit: str) -> str:
-    """The SI unit for a unit of any dimension: itself where it is one already, else spelled in base units."""
+    """The SI unit for a unit of any dimension: itself where it is one already, else spelled in base units.
+
+    One with a zero of its own, as degC, is kept: another model may count in it, too.
+    """
     try:
         check_spelling(unit)
+        if own_zero(unit) is not None:
+            return unit
         exponents, factor = base_exponents(unit)
     except UsageError as error:
         raise DataError(f"{source.path}: column '{label.text}': {error}") from None

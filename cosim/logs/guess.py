@@ -302,6 +302,10 @@ def guesses(found: Overview, machine: bool = False) -> dict[str, Guess]:
     for signal, column, why in _by_shape([c for c in free if c.index not in taken], made):
         if signal == "slew" and shown in made:
             continue  # the axis has shown itself by name
+        if machine and signal == "u" and not column.held:
+            driver = driven_by([c for c in free if c.index not in taken], made)
+            if driver is not None and driver[1].held:
+                continue  # a torque was set in steps, and a voltage or current moves as a reading does
         if machine and signal == "spool" and shown not in made:
             signal = "travel"  # where a length is all that shows a motion, it is the axis'
         made[signal] = _guess(signal, column, why)
@@ -691,7 +695,7 @@ def by_cause(free: list[Column], made: dict[str, Guess]) -> list[tuple[str, Colu
             c
             for c in left
             if c.values.size == command.values.size
-            and not np.array_equal(c.values, command.values)  # the same once more
+            and not _same(c, command)
             and not _names_other(c)
             and (c.unit is None or any(_convertible(c.unit, x) for x in ("rad", "m", "rad/s", "m/s")))
         ]
@@ -719,6 +723,11 @@ def by_cause(free: list[Column], made: dict[str, Guess]) -> list[tuple[str, Colu
                 )
             told.append((signal, column, f"{why}, as {'an angle' if rate else 'a speed'} does{others}"))
     return told
+
+
+def _same(one: Column, other: Column) -> bool:
+    """Whether a column is another once more, in another unit or of another level: what was measured never is."""
+    return abs(_correlation(one.values, other.values)) > 1.0 - 1e-9
 
 
 def demanded(free: list[Column], made: dict[str, Guess]) -> Guess | None:
@@ -750,7 +759,8 @@ def demands(column: Column, motion: Column) -> bool:
 def driven_by(free: list[Column], made: dict[str, Guess]) -> tuple[str, Column, str] | None:
     """The torque or force that drives an axis of which no command was logged: signal, column, reason; None where none does.
 
-    Of several (``tau_1``, ``tau_2``) it is the one that shares a word or number with the motion.
+    Of several (``tau_1``, ``tau_2``) it is the one that shares a word or number with the motion, or the one that was set: it
+    moves in steps, where readings have noise.
     """
     motion = next((made[signal] for signal in ("slew", *MOTIONS) if signal in made), None)
     if motion is None or motion.signal == "flow":
@@ -773,6 +783,8 @@ def driven_by(free: list[Column], made: dict[str, Guess]) -> tuple[str, Column, 
         own = set(_words(motion.column))
         of_axis = [c for c in able if own & set(_words(c))]
         chosen = able if len(able) == 1 else of_axis
+        if len(chosen) != 1:
+            chosen = [c for c in chosen or able if c.held]
         if len(chosen) == 1:
             named = f"its name ('{chosen[0].label.short}') is that of what drives the axis"
             return signal, chosen[0], f"no command was found, and {named}"

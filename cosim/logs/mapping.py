@@ -41,6 +41,10 @@ REMEDIES = {
     "time": ": a table [time] with 'column' and 'unit', or with 'step' and 'unit'",
 }
 _RESERVED = ("time", "p_load", SYNTHETIC_COLUMN)
+_OF_OWN = {
+    "time": "it has a table of its own, [time]",
+    "p_load": "it is p_a - p_b: give these two, or, where a pressure drives the machine, call it torque or force",
+}
 
 
 class _Strict(BaseModel):
@@ -198,7 +202,8 @@ class Mapping(_Strict):
             # these signs are in connectors of any system only, such as "valve.spool", "crane.f[0]", "der(x)", "p@tank"
             connector = any(sign in name for sign in ".[(@") and name.isprintable()
             if not (name.isidentifier() or connector) or name in _RESERVED:
-                raise ValueError(f"'{name}' cannot be the name of a signal: use letters, digits and _")
+                how = _OF_OWN.get(name, "use letters, digits and _")
+                raise ValueError(f"'{name}' cannot be the name of a signal: {how}")
         return signals
 
     @model_validator(mode="after")

@@ -225,6 +225,10 @@ def targets(
         if name not in plain.signals:
             others = [n for n in plain.signals if n not in (machine.input, machine.output)]
             more = f'; say {way} = "{others[0]}" in [machine]' if len(others) == 1 else ""
+            if name == "p_load" and {"p_a", "p_b"} <= set(plain.signals):
+                one, two = (plain.signals[n] for n in ("p_a", "p_b"))
+                between = f'torque = {{ column = "{one.column}", minus = "{two.column}", unit = "{one.unit or "bar"}" }}'
+                more = f"; where their difference drives the machine, map it: {between}"
             raise DataError(
                 f"{plain.path}: machine.{way} = '{name}' is no signal of [signals]: it has {', '.join(plain.signals)}{more}"
             )

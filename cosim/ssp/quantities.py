@@ -1,13 +1,14 @@
 """Units of foreign files: two units agree when their definitions do, whatever they are called."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 
 from lxml import etree
 
 from cosim.errors import ModelError, UsageError
 from cosim.ssp.xml import number
-from cosim.units import base_exponents
+from cosim.units import base_exponents, own_zero, same_kind
 
 BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 ANGLE = 7  # place of the radian among them: exporters disagree whether it is one
@@ -78,8 +79,17 @@ def definition(name: str, known: Mapping[str, UnitDefinition]) -> UnitDefinition
     try:
         exponents, scale = base_exponents(name)
     except (UsageError, KeyError):
-        return None
+        return _with_own_zero(name)
     return UnitDefinition(name, tuple(exponents.get(base, 0) for base in BASE_UNITS), scale)
+
+
+def _with_own_zero(name: str) -> UnitDefinition | None:
+    """Definition of a temperature in degC or degF; None of anything else."""
+    with suppress(UsageError):
+        if (found := own_zero(name)) is not None and same_kind(name, "K"):
+            kelvin = tuple(int(base == "K") for base in BASE_UNITS)
+            return UnitDefinition(name, kelvin, *found)
+    return None
 
 
 def contradiction(unit: str, known: Mapping[str, UnitDefinition]) -> str:

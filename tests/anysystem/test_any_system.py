@@ -50,6 +50,7 @@ def test_a_hidden_effect_is_named_at_its_connector(
     assert told["ci95"][0] < told["value"] < told["ci95"][1]
     assert found["localisation"][0]["block"] == cause["component"]
     page = (tmp_path / "out" / "report.html").read_text()
+    assert "Where it goes wrong" not in page, "of FMUs nothing is drawn there"
     for text in (
         cause["effect"],
         f"{told['value']:.3g}"[:4],

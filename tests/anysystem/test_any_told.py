@@ -9,8 +9,10 @@ import pytest
 from benchmarks.systems import parts
 from cosim.anysystem.actions import Action
 from cosim.anysystem.answer import numbers, stale_in
+from cosim.anysystem.read import read
 from cosim.anysystem.readings import Stale, stale_of
 from cosim.anysystem.start import began, beginnings_of, of_file
+from cosim.errors import DataError
 from cosim.inference.problem import Fit
 from cosim.inference.unknowns import Unknown
 from cosim.logs.overview import overview
@@ -87,3 +89,39 @@ def test_the_digits_of_a_file_make_no_stale_samples(lost):
     assert np.mean(np.diff(read) == 0.0) > 0.01
     found = stale_of([read[held]], [true])
     assert (found is not None) == (lost > 0.0)
+
+
+LAG = """
+from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
+
+
+class Lag(Fmi2Slave):
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.u, self.y, self.tau, self.gain = 0.0, 0.0, 1.0, 1.0
+        self.register_variable(Real("u", causality=Fmi2Causality.input))
+        self.register_variable(Real("y", causality=Fmi2Causality.output))
+        for name in ("tau", "gain"):
+            tunable = Fmi2Variability.tunable
+            self.register_variable(Real(name, causality=Fmi2Causality.parameter, variability=tunable))
+
+    def do_step(self, t, step):
+        return True
+"""
+
+
+def test_beside_a_single_fmu_a_parameters_name_is_enough(tmp_path):
+    """Its connectors were known by their names alone, its parameters not; and nothing said what they are called."""
+    parts.by_pythonfmu("Lag", LAG, tmp_path)
+    mapping = tmp_path / "lag.toml"
+    head = 'model = "Lag.fmu"\n[time]\ncolumn = "time [s]"\n[signals.u]\ncolumn = "u [1]"\n[signals.y]\ncolumn = "y [1]"\n'
+    log = tmp_path / "log.csv"
+    log.write_text("time [s],u [1],y [1]\n" + "".join(f"{0.1 * k:.1f},{k % 7},{k % 5}\n" for k in range(50)))
+    with read_system(tmp_path / "Lag.fmu") as system:
+        mapping.write_text(head + '[diagnose]\ntrusted = { "tau" = "5 %" }\nfree = ["Lag.gain"]\n')
+        _, options, _ = read([log], system, mapping)
+        assert options.trusted == {"Lag.tau": 0.05}
+        assert options.free == ("Lag.gain",)
+        mapping.write_text(head + '[diagnose]\ntrusted = ["taw"]\n')
+        with pytest.raises(DataError, match=r"it has Lag\.tau, Lag\.gain"):
+            read([log], system, mapping)

@@ -11,6 +11,7 @@ from lxml import etree
 from benchmarks.systems import parts
 from cosim.anysystem.actions import Action
 from cosim.anysystem.extend import write_package
+from cosim.compare.binding import _bound
 from cosim.ssp.read import read_system
 from cosim.ssp.system import Port
 from fmus.build import build_fmu
@@ -101,3 +102,16 @@ def test_a_unit_that_a_wire_tells_is_told_of_the_port_behind_an_effect(native: P
     with read_system(model) as system:
         assert system.variable(port).unit == "deg"
         assert system.variable(Port("gain_valve_u_input", "u")).unit == "deg"
+
+
+@pytest.mark.skipif(parts.COMPILER is None, reason="no C compiler")
+def test_behind_an_effect_a_reading_is_in_the_unit_of_its_port(tmp_path: Path) -> None:
+    """A log in volts went with an FMU that states no unit, and not with the model extended by a delay: "expected '1'"."""
+    model = tmp_path / "extended.ssp"
+    with read_system(parts.native("lag", tmp_path)) as system:
+        action = Action("port.gain", Port("part_lag", "y"), "output")
+        write_package(system, [(action, {"gain": GAIN})], {}, model, build_fmu)
+    with read_system(model) as system:
+        assert system.variable(Port("part_lag", "y")).unit == ""
+        found = _bound(system, "part_lag.y", "V", "part_lag.y", None)
+    assert (found.port, found.unit, found.gain) == (Port("gain_part_lag_y_output", "y"), "V", 1.0)

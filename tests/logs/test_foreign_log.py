@@ -961,3 +961,26 @@ def test_an_angle_within_a_turn_is_made_to_go_on(write):
     path = write("t,u,angle (deg)\n" + rows(np.column_stack([time, u, np.unwrap(angle, period=360)])))
     found = overview(path)
     assert "period" not in mapping_text(found, guesses(found, machine=True), None)
+
+
+def test_a_torque_that_was_set_drives_and_a_current_that_was_read_does_not(write):
+    """Two motors on one shaft: the noisy current was "the only voltage or current", so the command, and not the torque."""
+    rng = np.random.default_rng(3)
+    time = np.arange(0.0, 4.0, 0.01)
+    torque = np.where(time < 2.0, -0.03, -0.045)
+    speed = np.cumsum(0.01 * (torque - 2e-4 * np.cumsum(torque) * 0.01))
+    noise = rng.normal(size=(2, time.size))
+    table = np.column_stack([time, speed, torque, torque + 0.02 * noise[0], 20.0 * torque + 0.5 * noise[1]])
+    heading = "Time [s],Velocity [rad/s],Input Torque [N.m],Torque Measurement [N.m],Motor Current [A]"
+    made = guesses(overview(write(f"{heading}\n{rows(table)}")), machine=True)
+    assert made["torque"].column.label.name == "Input Torque"
+    assert "u" not in made
+
+
+def test_a_command_once_more_is_no_motion(write):
+    """Of three runs in one file the second's command, 1.5 times the first's, was taken for the speed that it made."""
+    time = np.arange(0.0, 4.0, 0.01)
+    command = np.sign(np.sin(7.0 * time + np.sin(time)))
+    table = np.column_stack([time, command, 1.5 * command, np.sin(1.7 * time) ** 2])
+    made = guesses(overview(write(f"t,u1,u2,z1\n{rows(table)}")), machine=True)
+    assert "u2" not in {g.column.label.name for g in made.values()} - {made["u"].column.label.name}

@@ -151,7 +151,7 @@ def test_a_gain_stored_in_the_file(tmp_path):
         ('unit = "ms"', 'unit = "mm"', r"'time': unit 'mm' has the wrong dimension"),
         ('column = "t"', 'column = "t"\nstep = 1', r"'time': give either the column or the step"),
         ('unit = "ms"', 'unit = "sample"', r"unit 'sample' goes with a step"),
-        ("[signals.slew]", "[signals.p_load]", r"'p_load' cannot be the name of a signal"),
+        ("[signals.slew]", "[signals.p_load]", r"'p_load' cannot be the name of a signal: it is p_a - p_b"),
         ("[signals.slew]", '[signals."a b"]', r"'a b' cannot be the name of a signal"),
         ("[time]", "[time", r"not valid TOML"),
         ('model = "simplified"', 'path = "x"', r"'path' is not a key"),

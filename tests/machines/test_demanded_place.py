@@ -1,6 +1,7 @@
 """A servo that closes a position loop of its own: the demanded place and the place that it holds (synthetic)."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -130,6 +131,27 @@ def test_a_place_that_was_taken_for_the_sum_of_its_command_is_told(loaded):
     assert itself(record, "u", "travel")
     (told,) = at_once(diagnose(log, model=machine))
     assert 'say command = "place" in [machine]' in told
+
+
+def test_a_place_that_a_named_load_brings_back_is_taken_for_no_demanded_place():
+    """A propeller on a pendulum: of the load that grows with its angle the answer said to correct the mapping."""
+    t = STEP * np.arange(1000)
+    angle = np.roll(np.sign(np.sin(t)), 2)
+    record = SimpleNamespace(
+        has=lambda *names: True, cuts=(), time=t, signals={"torque": np.sign(np.sin(t)), "slew": angle}
+    )
+    group = SimpleNamespace(integrates=True, is_speed=lambda name: False, drive="torque")
+    task = SimpleNamespace(model=SimpleNamespace(group=group), measured={"slew": angle})
+    found = SimpleNamespace(
+        findings={"mechanical": SimpleNamespace(task=task, lacks_linear=False, reference=None)},
+        machine=SimpleNamespace(drive="torque"),
+        record=record,
+        causes=[],
+    )
+    (told,) = at_once(found)
+    assert "state J and b in [machine]" in told
+    found.causes = [SimpleNamespace(effect=SimpleNamespace(name="mechanical.gravity_load"))]
+    assert at_once(found) == []
 
 
 def test_a_place_whose_sum_of_commands_goes_the_other_way_is_no_reversed_sign(tmp_path):

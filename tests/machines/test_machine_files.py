@@ -302,6 +302,24 @@ def test_what_the_signals_leave_no_choice_of_need_not_be_said(axis, left_out):
     assert (machine.input, machine.output, machine.motion) == ("force", "travel", "travel")
 
 
+def test_a_load_pressure_that_is_to_drive_is_mapped_as_the_difference_of_its_ports(tmp_path):
+    """A hydraulic rotary actuator without a logged command: "'p_load' is no signal", beside both of its ports."""
+    text = """
+    time = { column = "t", unit = "s" }
+    [signals]
+    p_a = { column = "PG_1", unit = "psi" }
+    p_b = { column = "PG_2", unit = "psi" }
+    slew = { column = "Angle", unit = "deg" }
+    [machine]
+    chain = ["mechanical"]
+    input = "p_load"
+    """
+    mapping = tmp_path / "actuator.toml"
+    mapping.write_text(text, encoding="utf-8")
+    with pytest.raises(DataError, match=r'torque = { column = "PG_1", minus = "PG_2", unit = "psi" }'):
+        made_for(mapping)
+
+
 def test_of_two_motions_neither_is_taken(drive):
     mapping, log = drive
     both = DRIVE.replace("slew =", "travel =") + '[signals.speed]\ncolumn = "angle"\nunit = "rad/s"\n'

@@ -303,8 +303,12 @@ class Decisions(Stage):
         Of those that held-out data ask for, but whose size is not sure, trust says nothing; `sizes` are where they begin.
         """
         others = [n for n in self.known.trusted if f"{PARAMETER}|{n}" not in best.fit.values]
-        if not best.actions or not (others or self.known.wide) or self.budget.over:
+        if not best.actions:
             return {}
+        # free parameters are beside the causes where the causes were fitted with them
+        beside = {n: (best.fit.values[f"{PARAMETER}|{n}"], d) for n, (_, d) in self.known.estimated.items()}
+        if not (others or self.known.wide) or self.budget.over:
+            return beside
         unknowns = list(self.known.wide)
         at = self.problem.nuisances(best.fit.values)
         start = {u.name: u.within(best.fit.values[u.name] + at.get(f"free:{u.name}", 0.0)) for u in unknowns}
@@ -327,7 +331,7 @@ class Decisions(Stage):
             plain = self.known.at(best.fit.values)
         fit = max((f for f in fits if f is not None), key=lambda f: f.log_likelihood, default=None)
         if fit is None or fit.log_likelihood < plain + 1.0:
-            return {}
+            return beside
         return {u.name.partition("|")[2]: (fit.values[u.name], fit.deviation(u.name)) for u in unknowns}
 
     def _held_out(self, best: Candidate, null: Candidate) -> tuple[Candidate, Judged]:

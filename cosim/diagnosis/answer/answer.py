@@ -48,7 +48,7 @@ from cosim.diagnosis.model.isolability import isolability
 from cosim.diagnosis.residuals.finding import at_first
 from cosim.diagnosis.residuals.reference import Reference, described
 from cosim.diagnosis.thresholds import INDEPENDENT, INDISTINGUISHABLE, SYSTEMATIC_SHARE
-from cosim.diagnosis.verdict.verdict import Cause, local, names_of, size_of
+from cosim.diagnosis.verdict.verdict import Cause, local, names_of, size_of, unfollowed
 from cosim.inference.held_out import ratio_ci95
 from cosim.lexicon import current
 from cosim.logs import Log, listed
@@ -141,8 +141,10 @@ def localisation(diagnosis: Diagnosis) -> list[Location]:
             rule = finding.task.rules[signal]
             penalty = max(0.0, finding.chosen.fit.log_likelihood - finding.null.fit.log_likelihood)
             once = [e for e in finding.events.get(signal, {}).values() if local(finding, signal, e)]
+            # of what moves and is not followed every sample says so, whatever passes for noise
+            lost = 0.5 * finding.task.measured[signal].size if unfollowed(finding, signal) else 0.0
             weight = max(
-                0.0, left.gain if left.p_value < SYSTEMATIC_SHARE else 0.0, *(e.gain for e in once)
+                lost, left.gain if left.p_value < SYSTEMATIC_SHARE else 0.0, *(e.gain for e in once)
             ) + (penalty if finding.chosen.effects else 0.0)
             size = max(at_first(finding, signal), *(size_of(finding, signal, e) for e in once), 0.0)
             rows.append((name, signal, weight, float(np.hypot(size, rule.rms)), rule.rms))

@@ -27,6 +27,7 @@ from cosim.machines.rough import stays_with
 from cosim.units import number_and_unit
 
 Array = NDArray[np.float64]
+HELD_BY = "mechanical.gravity_load"  # brings a place back, as a spring or a pendulum's weight does
 
 
 def shown(signal: str) -> tuple[str, float]:
@@ -338,8 +339,13 @@ def itself(record: Record, drive: str, place: str) -> bool:
 
 
 def at_once(diagnosis: Diagnosis) -> list[str]:
-    """That a place follows the command itself and not its sum over time: a demanded place was taken for a command."""
-    found = []
+    """That a place follows the command itself and not its sum over time: a demanded place was taken for a command.
+
+    Where a load that grows with the place was named, that holds it.
+    """
+    found = list[str]()
+    if any(cause.effect.name == HELD_BY for cause in diagnosis.causes):
+        return found
     for finding in diagnosis.findings.values():
         group, signal = finding.task.model.group, next(iter(finding.task.measured))
         if (
@@ -354,7 +360,8 @@ def at_once(diagnosis: Diagnosis) -> list[str]:
             found.append(
                 f"{signal} follows {drive} {ITSELF}, where the model goes on while {drive} lasts: "
                 f'if {drive} is a demanded place, say command = "place" in [machine], or log what the controller puts out; '
-                f"if {signal} is a speed, a flow or a level, map it as a speed or flow"
+                f"if {signal} is a speed, a flow or a level, map it as a speed or flow; if a spring or its weight brings it "
+                "back, state J and b in [machine], which a log alone then does not tell"
             )
     return found
 

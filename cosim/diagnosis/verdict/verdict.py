@@ -8,12 +8,14 @@ from numpy.typing import NDArray
 
 from cosim.compare.metrics import noise_floor, resolution
 from cosim.diagnosis.fitting.fit import Unknown
+from cosim.diagnosis.fitting.noise import centred
 from cosim.diagnosis.fitting.trials import Trial, freed, trusted, without
 from cosim.diagnosis.residuals.cross_validation import held_out_gain
 from cosim.diagnosis.residuals.finding import Finding, at_first, gained, systematic
 from cosim.diagnosis.residuals.freeform import Leftover
 from cosim.diagnosis.residuals.local import Event
 from cosim.diagnosis.thresholds import (
+    AS_A_CONSTANT,
     BEYOND_TRUST,
     INDISTINGUISHABLE,
     LAW_KNOWN_TO,
@@ -21,6 +23,7 @@ from cosim.diagnosis.thresholds import (
     LEFT_BY_ONE,
     LEFT_BY_SEVERAL,
     LOCAL,
+    MOVES_BEYOND,
     NAMING_GAIN,
     NOMINAL_TRUST,
     NOTICEABLE,
@@ -97,10 +100,25 @@ def rounding(finding: Finding, signal: str) -> float:
 
 
 def adequate(finding: Finding) -> bool:
-    """True if nothing noticeable is left in any signal of the group."""
-    if any(notable(finding, s, left) for s, left in finding.after.items()):
+    """True if nothing noticeable is left in any signal of the group, and what moves is followed."""
+    if any(unfollowed(finding, s) or notable(finding, s, left) for s, left in finding.after.items()):
         return False
     return not any(local(finding, s, e) for s, found in finding.events.items() for e in found.values())
+
+
+def unfollowed(finding: Finding, signal: str) -> bool:
+    """True if a signal moves and the chosen set leaves as much of it as a constant reading would.
+
+    Noise that is learned from errors as large and as slow as the motion itself takes them for its own.
+    """
+    task, rule = finding.task, finding.task.rules[signal]
+    measured = task.measured[signal]
+    noise = max(noise_floor(measured, task.model.h), resolution(measured))
+    left, whole = (
+        float(np.sqrt(np.mean(centred(rule, x) ** 2)))
+        for x in (finding.chosen.fit.residuals[signal], measured - measured.mean())
+    )
+    return whole > MOVES_BEYOND * noise and left >= AS_A_CONSTANT * whole
 
 
 def local(finding: Finding, signal: str, event: Event) -> bool:
@@ -265,7 +283,18 @@ def rests(finding: Finding, tolerance: float = NOMINAL_TRUST) -> list[Rest]:
             found += at_once
     if finding.lacks_linear:
         found.insert(0, missing_dynamics(finding))
-    return found or strained(finding, tolerance)
+    return found or following_nothing(finding) or strained(finding, tolerance)
+
+
+def following_nothing(finding: Finding) -> list[Rest]:
+    """Signals that move, and of which the group leaves as much as a constant reading would."""
+    found = []
+    for signal, left in finding.after.items():
+        if unfollowed(finding, signal):
+            words = f"{signal} moves and the model does not follow it: it errs as much as a constant reading would"
+            rest = replace(left, rms=float(np.sqrt(np.mean(finding.chosen.fit.residuals[signal] ** 2))))
+            found.append(Rest(finding.task.model.group.name, signal, rest, words))
+    return found
 
 
 def missing_dynamics(finding: Finding) -> Rest:
