@@ -18,7 +18,10 @@ def found(measured, residual):
     rule = SimpleNamespace(demean=False, windows=lambda x: x.reshape(10, -1))
     group = SimpleNamespace(name="mechanical")
     task = SimpleNamespace(
-        rules={"speed": rule}, measured={"speed": measured}, model=SimpleNamespace(h=0.02, group=group)
+        rules={"speed": rule},
+        measured={"speed": measured},
+        model=SimpleNamespace(h=0.02, group=group),
+        predicted=lambda fit: {"speed": measured - residual},
     )
     chosen = SimpleNamespace(fit=SimpleNamespace(residuals={"speed": residual}))
     return SimpleNamespace(task=task, chosen=chosen, after={})
@@ -31,6 +34,8 @@ def found(measured, residual):
         (np.abs(np.sin(3.0 * TIME)) + NOISE, np.abs(np.sin(3.0 * TIME)) - np.sin(3.0 * TIME) + NOISE, True),
         (np.sin(3.0 * TIME) + NOISE, 0.3 * np.cos(3.0 * TIME) + NOISE, False),
         (NOISE, NOISE, False),  # nothing moves
+        # a supply pressure that wanders, and is constant in the model
+        (0.2 * np.sin(0.3 * TIME) + NOISE, 0.2 * np.sin(0.3 * TIME) + NOISE, False),
     ],
 )
 def test_what_moves_must_be_followed(measured, residual, told):

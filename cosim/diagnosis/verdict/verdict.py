@@ -107,18 +107,20 @@ def adequate(finding: Finding) -> bool:
 
 
 def unfollowed(finding: Finding, signal: str) -> bool:
-    """True if a signal moves and the chosen set leaves as much of it as a constant reading would.
+    """True if a signal moves, in the model too, and the chosen set leaves as much of it as a constant reading would.
 
-    Noise that is learned from errors as large and as slow as the motion itself takes them for its own.
+    Noise that is learned from errors as large and as slow as the motion itself takes them for its own. What the model
+    takes for constant, such as a supply pressure, moves by its noise alone, however slow.
     """
     task, rule = finding.task, finding.task.rules[signal]
-    measured = task.measured[signal]
+    measured, residual = task.measured[signal], finding.chosen.fit.residuals[signal]
     noise = max(noise_floor(measured, task.model.h), resolution(measured))
-    left, whole = (
+    predicted = task.predicted(finding.chosen.fit)[signal]
+    left, whole, made = (
         float(np.sqrt(np.mean(centred(rule, x) ** 2)))
-        for x in (finding.chosen.fit.residuals[signal], measured - measured.mean())
+        for x in (residual, measured - measured.mean(), predicted - predicted.mean())
     )
-    return whole > MOVES_BEYOND * noise and left >= AS_A_CONSTANT * whole
+    return min(whole, made) > MOVES_BEYOND * noise and left >= AS_A_CONSTANT * whole
 
 
 def local(finding: Finding, signal: str, event: Event) -> bool:
