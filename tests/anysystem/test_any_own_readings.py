@@ -119,7 +119,7 @@ def test_an_estimate_that_a_switch_within_a_component_holds_is_left_for_a_better
     problem.noise["tank.y#0"] = Noise(1e-4)
     known = Known.__new__(Known)
     known.problem, known.budget, known.trusted = problem, Budget(), {"tank.r": (7.0, 0.01)}
-    known.scales, known.spreads = {"tank.r": 7.0}, {}
+    known.scales, known.spreads, known.wide = {"tank.r": 7.0}, {}, []
     known.model = SimpleNamespace(  # type: ignore[assignment]
         group=SimpleNamespace(judged=(("tank.y", Port("tank", "y")),)),
         segments=[
