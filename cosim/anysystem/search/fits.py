@@ -24,13 +24,10 @@ OTHERS = 3  # more of them, of effects that are not among these, where they prom
 PROMISE = 0.1  # of what the best does
 AROUND = tuple(np.geomspace(0.02, 1.0, 7))  # of a scale: how far from an estimate a better one is looked for
 AGAIN = 3  # times at most
-SLOPES_REACH = (
-    1.0  # of a free parameter's scale, a fifth of its size: as far as slopes say how it follows a cause
-)
-FOLLOWING_STEPS, SETTLED_STEPS = (
-    8,
-    4,
-)  # evaluations of causes and free parameters together, and of the causes beside these
+# of a free parameter's scale, a fifth of its size: as far as slopes say how it follows a cause
+SLOPES_REACH = 1.0
+FOLLOWING_STEPS = 8  # evaluations of causes and free parameters together
+SETTLED_STEPS = 4  # evaluations of the causes beside these
 SCANNED = 9  # values of a limit over its range
 DRIFTS = 1.25  # times the error of a run (RMS): least squares leave hardly less than the likelihood where noise is noise
 
