@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.compare.metrics import noise_floor, resolution
+from cosim.compare.metrics import noise_floor, resolution, rms
 from cosim.diagnosis.fitting.fit import Unknown
 from cosim.diagnosis.fitting.noise import centred
 from cosim.diagnosis.fitting.trials import Trial, freed, trusted, without
@@ -117,8 +117,7 @@ def unfollowed(finding: Finding, signal: str) -> bool:
     noise = max(noise_floor(measured, task.model.h), resolution(measured))
     predicted = task.predicted(finding.chosen.fit)[signal]
     left, whole, made = (
-        float(np.sqrt(np.mean(centred(rule, x) ** 2)))
-        for x in (residual, measured - measured.mean(), predicted - predicted.mean())
+        rms(centred(rule, x)) for x in (residual, measured - measured.mean(), predicted - predicted.mean())
     )
     return min(whole, made) > MOVES_BEYOND * noise and left >= AS_A_CONSTANT * whole
 
@@ -294,7 +293,7 @@ def following_nothing(finding: Finding) -> list[Rest]:
     for signal, left in finding.after.items():
         if unfollowed(finding, signal):
             words = f"{signal} moves and the model does not follow it: it errs as much as a constant reading would"
-            rest = replace(left, rms=float(np.sqrt(np.mean(finding.chosen.fit.residuals[signal] ** 2))))
+            rest = replace(left, rms=rms(finding.chosen.fit.residuals[signal]))
             found.append(Rest(finding.task.model.group.name, signal, rest, words))
     return found
 
