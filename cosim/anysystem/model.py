@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from cosim.anysystem.actions import PARAMETER, acted, in_log, placed
 from cosim.anysystem.smooth import followed
 from cosim.compare.metrics import noise_floor
+from cosim.inference.problem import ABOUT
 from cosim.ssp.fmu import promises_initial_outputs
 from cosim.ssp.system import Port, System
 from cosim.system.graph import CutGroup, Unit, together
@@ -108,6 +109,7 @@ class GroupModel:
         segments: the logs.
         cuts: the group as each log cuts it, in their order.
         base: values that hold unless a call says otherwise: ``component.parameter`` of free parameters.
+        trusted: ``component.parameter`` -> (value, standard deviation) of those whose deviations values may hold.
         held: signal -> for each log the places whose values its samples hold, where some are stale.
         steps: signal -> step of a reading that is rounded: what differs by less than half of it is not seen.
         drives: signal -> what drives instead of the reading.
@@ -134,6 +136,7 @@ class GroupModel:
         self.group = group if all(c == group for c in self.cuts) else seen_by(group, self.cuts)
         group = self.group
         self.base: dict[str, float] = {}
+        self.trusted: dict[str, tuple[float, float]] = {}
         self.drives: dict[str, Quantity] = {}
         self.steps: dict[str, float] = {}
         self.off: dict[str, tuple[float, float, float]] = {}
@@ -261,6 +264,11 @@ class GroupModel:
             quantities[s] = followed(found[f"out:{ports[s]}"], reading - found[s])
         return self._round(everything, places, k, quantities)
 
+    def _about(self, everything: Mapping[str, float]) -> dict[str, float]:
+        """Trusted parameters that values have moved beside the causes."""
+        moved = {n: everything.get(f"{ABOUT}{PARAMETER}|{n}") for n in self.trusted}
+        return {n: self.trusted[n][0] + v * self.trusted[n][1] for n, v in moved.items() if v is not None}
+
     def _round(
         self,
         everything: Mapping[str, float],
@@ -271,7 +279,8 @@ class GroupModel:
         """One run of all units, some drives being these quantities (n,) instead of readings."""
         segment, group = self.segments[k], self.cuts[k]
         h = segment.h
-        parameters = {n.split("|")[1]: v for n, v in everything.items() if n.startswith(PARAMETER)}
+        parameters = self._about(everything)
+        parameters |= {n.split("|")[1]: v for n, v in everything.items() if n.startswith(PARAMETER)}
         parameters |= {n: v for n, v in everything.items() if "|" not in n and ":" not in n}
         found: dict[str, Array] = {}
         entering: dict[Port, Array] = {}

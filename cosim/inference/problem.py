@@ -3,7 +3,8 @@
 A model is a function of named values to named series. Small unknowns that every hypothesis shares (nuisances, such as the
 moment within a sampling interval at which an input acted) enter by their slopes and are eliminated from each residual by
 linear least squares with their priors (variable projection: Golub and Pereyra 1973). Those that show in held-out data alone
-are estimated there, beside the others, which are not.
+are estimated there, beside the others, which are not. Values may say how far they have moved one already (`ABOUT`): its
+slope then reaches on from there, and its prior counts the whole of it.
 """
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -30,6 +31,9 @@ EVALUATIONS = 14  # of one search
 FAILED = 1e6  # whitened residual where the model cannot be run
 LARGEST = 1e120  # of one that runs away: its square is a number
 ROUGHLY = 1e-3  # of what is left: a search among many that would gain less has ended
+ABOUT = (
+    "about:"  # before a nuisance's name: where values already have it, beside which it follows by its slope
+)
 EQUAL = 1e-6  # share by which sizes that are the same differ, by rounding and by the steps of an FMU
 
 
@@ -216,18 +220,25 @@ class Problem:
             self._projected = slopes, inside, inside.T @ inside + prior + 1e-12 * np.eye(len(prior))
         return self._projected
 
-    def eliminated(self, rows: Array, without: Collection[str]) -> tuple[Array, Array]:
+    def _about(self, values: Mapping[str, float]) -> Array:
+        """How far values have moved each nuisance (k,) themselves; nowhere one that is an unknown of the hypothesis."""
+        return np.array(
+            [0.0 if u.name in values else values.get(ABOUT + u.name, 0.0) for u in self._nuisances]
+        )
+
+    def eliminated(self, rows: Array, values: Mapping[str, float]) -> tuple[Array, Array]:
         """Rows (n,) without what nuisances explain of them, and the nuisances (k,), within their bounds.
 
-        One that is among those to do `without` is none: an unknown of the hypothesis itself has no nuisance beside it.
+        An unknown of the hypothesis itself has no nuisance beside it.
         """
         slopes, inside, information = self._project()
         if not self._nuisances:
             return rows, np.zeros(0)
+        rows = rows + slopes @ self._about(values)
         wanted = inside.T @ rows[self._data]
         found = np.linalg.solve(information, wanted)
-        low = np.array([0.0 if u.name in without else u.low for u in self._nuisances])
-        high = np.array([0.0 if u.name in without else u.high for u in self._nuisances])
+        low = np.array([0.0 if u.name in values else u.low for u in self._nuisances])
+        high = np.array([0.0 if u.name in values else u.high for u in self._nuisances])
         free = np.ones(found.size, dtype=bool)
         # what goes beyond its bound stays there, and the others are solved for again
         while (beyond := free & ((found < low) | (found > high))).any():
@@ -284,7 +295,8 @@ class Problem:
         series = self.model(values)
         raw = {n: self.measured[n] - series[n] for n in self.names}
         _, nuisances = self.eliminated(self.whitened(raw)[0], values)
-        return {n: raw[n] - nuisances @ self._slopes[n] for n in self.names}
+        more = nuisances - self._about(values)
+        return {n: raw[n] - more @ self._slopes[n] for n in self.names}
 
     def nuisances(self, values: Mapping[str, float]) -> dict[str, float]:
         """The nuisances that go with values, each in its own unit."""

@@ -9,7 +9,7 @@ from scipy.optimize import lsq_linear
 from cosim.errors import SimulationError
 from cosim.inference.freeform import explained
 from cosim.inference.noise import Noise
-from cosim.inference.problem import Problem
+from cosim.inference.problem import ABOUT, Problem
 from cosim.inference.unknowns import Unknown
 
 N = 3000
@@ -93,6 +93,24 @@ def test_a_nuisance_is_taken_out_within_its_bounds_only() -> None:
         left = made.residuals({})["y"]
         assert (float(np.std(left)) < 2e-3) is gone
         assert made.rows({})[-1] == pytest.approx(min(shift, 1.0) / 0.7, rel=0.1)
+
+
+def test_values_that_have_moved_a_nuisance_already_are_judged_as_by_its_slope_where_the_model_is_linear() -> (
+    None
+):
+    """The same rows, the whole of what was moved held against its prior and its bounds."""
+    noise, key = 0.01, ABOUT + "n"
+    y = U + 0.9 * np.sin(T) + noise * np.random.default_rng(6).standard_normal(N)
+    made = Problem(
+        {"y": y}, {"y": FITTED}, {"y": WINDOW}, lambda v: {"y": U + v.get(key, 0.0) * np.sin(T)}, {"y": 1e-4}
+    )
+    made.noise["y"] = Noise(noise**2)
+    for bound in (2.0, 0.5):
+        made.share([Unknown("n", -bound, bound, 1.0, 0.3)], {"y": np.sin(T)[None]})
+        for moved in (0.4, 1.1):
+            assert made.rows({key: moved}) == pytest.approx(made.rows({}), abs=1e-6)
+            assert made.residuals({key: moved})["y"] == pytest.approx(made.residuals({})["y"], abs=1e-9)
+            assert made.nuisances({key: moved})["n"] == pytest.approx(min(0.9, bound), abs=0.01)
 
 
 def test_nuisances_beside_one_at_its_bound_are_those_of_bounded_least_squares() -> None:

@@ -24,9 +24,7 @@ from cosim.diagnosis.held_out.between import Between, between_logs, combined, dr
 from cosim.errors import SimulationError
 from cosim.inference.freeform import Explained
 from cosim.inference.held_out import HeldOutGain, ratio_ci95, squares_by_block
-from cosim.inference.problem import DIFFERENCE, FINE, Fit
-from cosim.inference.unknowns import Unknown
-from cosim.ssp.system import Port
+from cosim.inference.problem import ABOUT, DIFFERENCE, FINE, Fit
 
 Array = NDArray[np.float64]
 Judged = dict[Action, tuple[Candidate, HeldOutGain]]
@@ -302,11 +300,15 @@ class Decisions(Stage):
 
         Of those that held-out data ask for, but whose size is not sure, trust says nothing; `sizes` are where they begin.
         """
-        others = [n for n in self.known.trusted if f"{PARAMETER}|{n}" not in best.fit.values]
+        values = best.fit.values
+        others = [n for n in self.known.trusted if f"{PARAMETER}|{n}" not in values]
         if not best.actions:
             return {}
-        # free parameters are beside the causes where the causes were fitted with them
-        beside = {n: (best.fit.values[f"{PARAMETER}|{n}"], d) for n, (_, d) in self.known.estimated.items()}
+        # parameters are beside the causes where the causes were fitted with them
+        beside = {n: (values[f"{PARAMETER}|{n}"], d) for n, (_, d) in self.known.estimated.items()}
+        own = {n: self.known.follower(n) for n in others}
+        followed = {n: u for n, u in own.items() if ABOUT + u.name in values}
+        beside |= {n: (u.centre + values[ABOUT + u.name] * u.prior, u.prior) for n, u in followed.items()}
         if not (others or self.known.wide) or self.budget.over:
             return beside
         unknowns = list(self.known.wide)
@@ -317,20 +319,16 @@ class Decisions(Stage):
             unknowns += self.known.numbers(action)
             start |= {u.name: sizes[u.name] for u in self.known.numbers(action)}
         for name in others:
-            variable = self.model.system.variable(Port(*name.split(".", 1)))
-            value, relative = self.known.trusted[name]
-            size, key = relative * self.known.scales[name], f"{PARAMETER}|{name}"
-            low, high = max(variable.low, value - SURE * size), min(variable.high, value + SURE * size)
-            unknown = Unknown(key, low, high, size, size, value)
+            unknown = own[name]
             unknowns.append(unknown)
-            start[key] = unknown.within(value + size * at.get(key, 0.0))
+            start[unknown.name] = unknown.within(unknown.centre + unknown.prior * at.get(unknown.name, 0.0))
         with self.problem.sharing(moments(self.problem)):
             centres = {u.name: u.centre for u in unknowns if u.prior < np.inf}
             begins = (best.fit.values | start, best.fit.values | start | centres)
             fits = [self.problem.fit(unknowns, begin, SETTLING) for begin in begins]
             plain = self.known.at(best.fit.values)
         fit = max((f for f in fits if f is not None), key=lambda f: f.log_likelihood, default=None)
-        if fit is None or fit.log_likelihood < plain + 1.0:
+        if fit is None or (fit.log_likelihood < plain + 1.0 and not followed):
             return beside
         return {u.name.partition("|")[2]: (fit.values[u.name], fit.deviation(u.name)) for u in unknowns}
 

@@ -24,10 +24,6 @@ OTHERS = 3  # more of them, of effects that are not among these, where they prom
 PROMISE = 0.1  # of what the best does
 AROUND = tuple(np.geomspace(0.02, 1.0, 7))  # of a scale: how far from an estimate a better one is looked for
 AGAIN = 3  # times at most
-# of a free parameter's scale, a fifth of its size: as far as slopes say how it follows a cause
-SLOPES_REACH = 1.0
-FOLLOWING_STEPS = 8  # evaluations of causes and free parameters together
-SETTLED_STEPS = 4  # evaluations of the causes beside these
 SCANNED = 9  # values of a limit over its range
 DRIFTS = 1.25  # times the error of a run (RMS): least squares leave hardly less than the likelihood where noise is noise
 
@@ -68,39 +64,8 @@ class Fits(Stage):
         own = {u.name: begin.get(u.name, begin[of_all(u.name)]) for u in free}
         fit = self.problem.fit(free, {**begin, **own}, evaluations, difference, roughly=roughly)
         if fit is not None and roughly is None:
-            fit = self._followed(fit, free)
+            fit = self.known.followed(fit, free)
         return None if fit is None else self._meant(fit, actions)
-
-    def _followed(self, fit: Fit, free: Sequence[Unknown]) -> Fit:
-        """A fit with the free parameters at their own best beside its causes, where slopes do not reach so far.
-
-        Beside every cause the free parameters follow by their slopes. Where a cause moves one of them by much, as a delay
-        does a time constant that has stood in for it, what slopes give is no model.
-        """
-        wide = self.known.wide
-        if not wide or not free or self.budget.over:
-            return fit
-        moves = self.problem.nuisances(fit.values)
-        follow = {u.name: moves.get(f"free:{u.name}", 0.0) for u in wide}
-        if all(abs(follow[u.name]) <= SLOPES_REACH * u.scale for u in wide):
-            return fit
-        every = [*free, *wide]
-        kept = [u.name for u in self.problem.nuisances_shared if not u.name.startswith("free:")]
-        starts = [
-            fit.values,
-            fit.values | {u.name: u.within(fit.values[u.name] + follow[u.name]) for u in wide},
-        ]
-        with self.problem.sharing(kept):
-            start = max(starts, key=self.known.at)
-            rows = self.problem.rows(start)
-            if rows is None:
-                return fit
-            roughly = self.problem.slopes(
-                Fit(dict(start), np.zeros((0, 0)), tuple(every), rows, 0.0), DIFFERENCE
-            )
-            moved = self.problem.fit(every, start, FOLLOWING_STEPS, roughly=roughly)
-        again = None if moved is None else self.problem.fit(free, moved.values, SETTLED_STEPS)
-        return fit if again is None else again
 
     def _meant(self, fit: Fit, actions: Sequence[Action]) -> Fit:
         """A fit in the numbers of all logs."""

@@ -24,7 +24,7 @@ from cosim.diagnosis.budget import Budget
 from cosim.errors import SimulationError
 from cosim.inference.freeform import Explained, explained
 from cosim.inference.noise import Noise, quietest
-from cosim.inference.problem import Fit, Problem
+from cosim.inference.problem import ABOUT, DIFFERENCE, Fit, Problem
 from cosim.inference.unknowns import Unknown
 from cosim.ssp.system import Port
 from cosim.system.effects import EFFECTS
@@ -51,6 +51,10 @@ FAR_LESS = (
     0.5  # of what is left: a hidden fault seems to leave a little less (0.995 of it), contacts leave 1e-4
 )
 SURE = 3.0  # deviations of a trusted parameter: beyond them it is a cause
+# of a parameter's scale, a fifth of its size: as far as slopes say how it follows a cause
+SLOPES_REACH = 1.0
+FOLLOWING_STEPS = 8  # evaluations of causes and of the parameters that follow, together
+SETTLED_STEPS = 4  # evaluations of the causes beside these
 JITTER = 0.7  # samples, prior of the moment at which an input acts or an output is read
 
 
@@ -97,6 +101,7 @@ class Known:
         inside = set(model.group.components)
         self.trusted = {n: t for n, t in trust.trusted.items() if n.partition(".")[0] in inside}
         self.free = {n: v for n, v in trust.free.items() if n.partition(".")[0] in inside}
+        model.trusted = {}
         measured, fitted, windows, least = {}, {}, {}, {}
         self.spreads = {}
         for signal, _ in model.group.judged:
@@ -123,6 +128,7 @@ class Known:
             first = model({**self.base})  # raises where the system itself cannot be run
             self._check(first)
             self.scales = self._scales(first)
+            model.trusted = {n: (v, d * self.scales[n]) for n, (v, d) in self.trusted.items()}
             if not model.differs:
                 model.runs.forget()
                 again = model({**self.base})
@@ -354,7 +360,80 @@ class Known:
             raise SimulationError(
                 problem.failures[0] if problem.failures else "the model gives no finite numbers"
             )
-        return Candidate((), fit, 0.0)
+        return Candidate((), self.followed(fit, ()), 0.0)
+
+    def follower(self, name: str) -> Unknown:
+        """A trusted parameter as what it is beside the causes: a number with a prior."""
+        variable = self.model.system.variable(Port(*name.split(".", 1)))
+        value, relative = self.trusted[name]
+        size = relative * self.scales[name]
+        low, high = max(variable.low, value - SURE * size), min(variable.high, value + SURE * size)
+        return Unknown(f"{PARAMETER}|{name}", low, high, size, size, value)
+
+    def _far(self, values: Mapping[str, float], moves: Mapping[str, float]) -> list[Unknown]:
+        """Trusted parameters that follow values further than slopes say how."""
+        found = []
+        for name in self.trusted:
+            unknown, own = self.follower(name), self.numbers(parameter(name))[0]
+            if own.name in moves and own.name not in values:
+                more = moves[own.name] - values.get(ABOUT + own.name, 0.0)
+                if abs(more) * unknown.prior > SLOPES_REACH * own.scale:
+                    found.append(unknown)
+        return found
+
+    def followed(self, fit: Fit, free: Sequence[Unknown]) -> Fit:
+        """A fit with the model's parameters at their own best beside its causes, where slopes do not reach so far.
+
+        Beside every cause the free parameters follow by their slopes, and so do the trusted ones as far as they are trusted.
+        Where a cause moves one of them by much, as a delay does a time constant that has stood in for it, what slopes give
+        is no model.
+
+        Args:
+            fit: a fit of causes.
+            free: what was fitted of them.
+        """
+        problem, wide = self.problem, self.wide
+        if not (wide or self.trusted) or self.budget.over:
+            return fit
+        moves = problem.nuisances(fit.values)
+        follow = {u.name: moves.get(f"free:{u.name}", 0.0) for u in wide}
+        trusted = self._far(fit.values, moves)
+        if not trusted and all(abs(follow[u.name]) <= SLOPES_REACH * u.scale for u in wide):
+            return fit
+        every = [*free, *wide, *trusted]
+        beside = {u.name for u in trusted}
+        kept = [
+            u.name
+            for u in problem.nuisances_shared
+            if u.name not in beside and not u.name.startswith("free:")
+        ]
+        moved = {u.name: u.within(fit.values[u.name] + follow[u.name]) for u in wide}
+        moved |= {u.name: u.within(u.centre + moves[u.name] * u.prior) for u in trusted}
+        here = {u.name: u.within(u.centre + fit.values.get(ABOUT + u.name, 0.0) * u.prior) for u in trusted}
+        with problem.sharing(kept):
+            found = [(start, problem.rows(start)) for start in (fit.values | here, fit.values | moved)]
+            begins = [
+                Fit(
+                    dict(start),
+                    np.zeros((0, 0)),
+                    tuple(every),
+                    rows,
+                    problem.log_likelihood(rows, start, every),
+                )
+                for start, rows in found
+                if rows is not None
+            ]
+            if not begins:
+                return fit
+            begin = max(begins, key=lambda f: f.log_likelihood)
+            roughly = problem.slopes(begin, DIFFERENCE)
+            best = problem.fit(every, begin.values, FOLLOWING_STEPS, roughly=roughly)
+        if best is None:
+            return fit
+        values = {n: v for n, v in best.values.items() if n not in beside}
+        values |= {ABOUT + u.name: (best.values[u.name] - u.centre) / u.prior for u in trusted}
+        again = problem.fit(free, values, SETTLED_STEPS)
+        return fit if again is None else again
 
     def _hold(self) -> None:
         """Begin with inputs that are held over each sample where that alone makes far more of a log.
@@ -428,7 +507,7 @@ class Known:
                 continue  # it is a cause here
             step = deviation * self.scales[name]
             try:
-                moved_one = model({**at, key: value + step})
+                moved_one = model({**at, key: value + (at.get(ABOUT + key, 0.0) + 1.0) * step})
             except SimulationError:
                 continue
             add(Unknown(key, -SURE, SURE, 1.0, 1.0), moved_one, 1.0)
