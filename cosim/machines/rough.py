@@ -1,12 +1,16 @@
-"""Rough numbers of a machine from its own log: gain and lag of a first order, so that a search can begin."""
+"""Rough numbers of a machine from its own log: gain and lag of a first order, so that a search can begin.
 
+And of a second order, where a weight or a spring brings a driven axis back.
+"""
+
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
-from scipy.optimize import minimize_scalar
-from scipy.signal import lfilter
+from scipy.optimize import minimize, minimize_scalar
+from scipy.signal import cont2discrete, lfilter
 
 Array = NDArray[np.float64]
 
@@ -16,6 +20,9 @@ LAGS = 20  # lags that are tried first, evenly spaced in their logarithm
 ONE_SIDED = 0.25
 # share of what a sum of the drive over time leaves of a place in windows, below which the drive itself tells it
 NEARER = 0.25
+MODES = 16  # frequencies that are tried first, evenly spaced in their logarithm
+DAMPINGS = (0.03, 0.15, 0.6, 2.0)  # tried with each
+SLOWEST_MODE, FASTEST_MODE = 2.0, 6.0  # periods in the log, and samples in a period, at least
 ROUGH_SAMPLES = 20000  # samples that are used: a rough number needs no more
 
 
@@ -49,20 +56,10 @@ def first_order(
     Returns:
         The best; its gain is 0 where the drive stands still.
     """
-    count = min(time.size, ROUGH_SAMPLES)
-    even = np.linspace(time[0], time[-1], count)
+    even, u, y = _even(time, drive, response)
     h = float(even[1] - even[0])
-    u = drive[np.clip(np.searchsorted(time, even, side="right") - 1, 0, time.size - 1)]
-    y = np.interp(even, time, response)
     before = u[0] if np.ptp(u) > 0.0 else 0.0  # a log that begins with its only step: at rest before it
-    length = max(round(WINDOW / h), 8) if (integrates if windows is None else windows) else count
-    length = min(length, count)
-    rows = count // length
-
-    def inside(values: Array) -> Array:
-        part = values[: rows * length].reshape(rows, length)
-        return np.asarray((part - part.mean(axis=1, keepdims=True)).ravel())
-
+    inside = _inside(even.size, h if (integrates if windows is None else windows) else None)
     goal = inside(y)
     power = float(goal @ goal)
 
@@ -87,6 +84,92 @@ def first_order(
         return at(ends[0])
     found = minimize_scalar(lambda x: -at(x).share, bounds=ends, method="bounded")
     return max(at(float(found.x)), at(float(tried[first])), key=lambda f: f.share)
+
+
+def _even(time: Array, drive: Array, response: Array) -> tuple[Array, Array, Array]:
+    """Stamps, drive and response (m,) at an even rate, of no more samples than are needed."""
+    even = np.linspace(time[0], time[-1], min(time.size, ROUGH_SAMPLES))
+    held = drive[np.clip(np.searchsorted(time, even, side="right") - 1, 0, time.size - 1)]
+    return even, held, np.interp(even, time, response)
+
+
+def _inside(count: int, h: float | None) -> Callable[[Array], Array]:
+    """Takes the mean of each window from (count,) values; of all where no interval `h` between them is given."""
+    length = count if h is None else min(max(round(WINDOW / h), 8), count)
+    rows = count // length
+
+    def inside(values: Array) -> Array:
+        part = values[: rows * length].reshape(rows, length)
+        return np.asarray((part - part.mean(axis=1, keepdims=True)).ravel())
+
+    return inside
+
+
+@dataclass(frozen=True)
+class SecondOrder:
+    """A place that a force or torque drives and a weight or a spring brings back: ``m y'' + b y' + k y = drive``.
+
+    Attributes:
+        mass: m, drive per acceleration.
+        damping: b, drive per speed.
+        stiffness: k, drive per place.
+    """
+
+    mass: float
+    damping: float
+    stiffness: float
+
+
+def brought_back(time: Array, drive: Array, response: Array) -> SecondOrder | None:
+    """Least squares of a second order; None where it leaves not much less than a place that goes on with its drive.
+
+    Args:
+        time: (n,) s.
+        drive: (n,) what drives.
+        response: (n,) the place.
+    """
+    even, u, y = _even(time, drive, response)
+    h, count = float(even[1] - even[0]), even.size
+    inside = _inside(count, h)
+    goal = inside(y)
+    on = first_order(time, drive, response, integrates=True)
+    power = float(goal @ goal)
+    slowest, fastest = 2.0 * np.pi * SLOWEST_MODE / (h * count), 2.0 * np.pi / (FASTEST_MODE * h)
+    if power == 0.0 or fastest <= slowest:
+        return None
+    kick = np.zeros(count)
+    kick[0] = 1.0
+
+    def at(logs: Array) -> tuple[float, float]:
+        """Share that it leaves, and its gain."""
+        w, zeta = np.exp(logs)
+        numerator, poles, _ = cont2discrete(([w * w], [1.0, 2.0 * zeta * w, w * w]), h, "zoh")
+        numerator = np.ravel(numerator)
+        free = lfilter([1.0], poles, kick)  # from the first place and speed, whatever they were
+        parts = [
+            lfilter(numerator, poles, u),
+            lfilter(numerator, poles, np.ones(count)),
+            free,
+            np.append(0.0, free[:-1]),
+        ]
+        rows = np.stack([inside(part) for part in parts], axis=1)
+        found = np.linalg.lstsq(rows, goal, rcond=None)[0]
+        left = goal - rows @ found
+        return float(left @ left) / power, float(found[0])
+
+    tried = [
+        np.array([w, zeta])
+        for w in np.linspace(np.log(slowest), np.log(fastest), MODES)
+        for zeta in np.log(DAMPINGS)
+    ]
+    best = min(tried, key=lambda logs: at(logs)[0])
+    best = minimize(lambda logs: at(logs)[0], best, method="Nelder-Mead", options={"xatol": 1e-3}).x
+    left, gain = at(best)
+    w, zeta = np.exp(best)
+    if gain <= 0.0 or left >= NEARER * (1.0 - on.share * (on.gain > 0.0)) or not slowest <= w <= fastest:
+        return None
+    mass = 1.0 / (gain * w * w)
+    return SecondOrder(mass, 2.0 * zeta * w * mass, 1.0 / gain)
 
 
 def stays_with(time: Array, drive: Array, response: Array) -> bool | None:

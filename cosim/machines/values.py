@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from cosim.errors import DataError, UsageError
 from cosim.logs import Log
-from cosim.machines.rough import FirstOrder, first_order, reach, stays_with
+from cosim.machines.rough import FirstOrder, brought_back, first_order, reach, stays_with
 from cosim.machines.table import MOVING, UNKNOWN, MachineTable, block_of
 
 Array = NDArray[np.float64]
@@ -250,6 +250,13 @@ def told(
     if not asked and not (moving and found.speed == 0.0):
         return
     pairs = [(log.time * sample, *(log.require(n) * gains.get(n, 1.0) for n in ends)) for log in logs]
+    if table.forced and "mechanical" in blocks and not rate:
+        back = next((b for one in pairs if (b := brought_back(*one)) is not None), None)
+        if back is not None:
+            put(found, {"mechanical.b": back.damping, "mechanical.J": back.mass})
+            found.lag += back.mass / back.damping
+            found.speed = 1.0 / back.damping
+            return
     rough = plainest(pairs, integrates=moving and not rate)
     if rough.gain == 0.0 and not asked:
         return

@@ -7,7 +7,8 @@ import pytest
 
 from cosim.diagnosis.answer.answer import localisation
 from cosim.diagnosis.residuals.freeform import Leftover
-from cosim.diagnosis.verdict.verdict import unfollowed
+from cosim.diagnosis.thresholds import LAW_KNOWN_TO
+from cosim.diagnosis.verdict.verdict import negligible, unfollowed
 
 TIME = np.arange(1000) * 0.02
 NOISE = 0.02 * np.random.default_rng(1).normal(size=TIME.size)
@@ -24,7 +25,7 @@ def found(measured, residual):
         predicted=lambda fit: {"speed": measured - residual},
     )
     chosen = SimpleNamespace(fit=SimpleNamespace(residuals={"speed": residual}))
-    return SimpleNamespace(task=task, chosen=chosen, after={})
+    return SimpleNamespace(task=task, chosen=chosen, null=chosen, after={})
 
 
 @pytest.mark.parametrize(
@@ -41,6 +42,29 @@ def found(measured, residual):
 def test_what_moves_must_be_followed(measured, residual, told):
     """Noise learned of errors that are as slow and as large as the motion took them all for noise."""
     assert unfollowed(found(measured, residual), "speed") is told
+
+
+def test_a_cause_that_brings_the_model_to_a_stand_explains_nothing():
+    """Friction beyond any torque stood in for the weight of an arm: all that moved was left, and passed for noise."""
+    still = found(np.sin(3.0 * TIME) + NOISE, np.sin(3.0 * TIME) + NOISE)
+    runs_away = SimpleNamespace(residuals={"speed": np.sin(3.0 * TIME) - TIME**2})
+    still.task.predicted = lambda fit: {"speed": still.task.measured["speed"] - fit.residuals["speed"]}
+    assert not unfollowed(still, "speed")  # a model that stands still by itself takes the signal for constant
+    still.null = SimpleNamespace(fit=runs_away)
+    assert unfollowed(still, "speed")
+
+
+def test_what_matters_beside_a_model_that_runs_away_is_measured_by_the_motion(monkeypatch):
+    """Its error of 42 000 deg made one of 20 deg too small to matter."""
+    monkeypatch.setattr("cosim.diagnosis.verdict.verdict.rounding", lambda finding, signal: 0.0)
+    motion = np.sin(3.0 * TIME)
+    finding = found(motion, 0.1 * motion)
+    finding.task.rules["speed"].rms = 1e-6
+    finding.chosen.effects = (SimpleNamespace(sole_form=False),)
+    finding.before = {"speed": SimpleNamespace(rms=700.0)}
+    assert negligible(finding, "speed") == pytest.approx(LAW_KNOWN_TO * np.std(motion), rel=0.01)
+    finding.before["speed"].rms = 0.1
+    assert negligible(finding, "speed") == pytest.approx(LAW_KNOWN_TO * 0.1)
 
 
 def test_the_block_that_follows_nothing_has_the_error(monkeypatch):

@@ -33,6 +33,7 @@ BETTER = 0.15  # a set of causes is named if it leaves no more than this part of
 LEAVES = 0.5  # or this of the windows held out, where they are other numbers of the law, or nothing tells what they leave
 CONSTANT = 0.95  # part of a reading's spread that an explanation leaves where it explains nothing
 SCATTERS = "differs from log to log so much that another may have none of it"
+HOLDS_NONE = "its interval holds what the model has"
 SETTLING = 6  # evaluations in which what is no cause is settled beside the causes
 ALMOST = 0.99  # of SURE: a trusted parameter is at its limit
 
@@ -146,9 +147,14 @@ class Decisions(Stage):
         return found
 
     def _holds_none(self, action: Action, fit: Fit) -> bool:
-        """Whether the 95 % interval of a parameter holds what the model has."""
-        ((name, nothing),) = self.known.off(action).items()
-        return abs(fit.values[name] - nothing) <= 1.96 * fit.deviation(name)
+        """Whether the 95 % interval of each size of a cause holds that at which there is none of it."""
+        known = {u.name for u in fit.unknowns}
+        apart = [
+            abs(fit.values[name] - nothing) > 1.96 * fit.deviation(name)
+            for name, nothing in self.known.off(action).items()
+            if name in known
+        ]
+        return bool(apart) and not any(apart)
 
     def _none_between(self, action: Action, between: Mapping[str, Between]) -> bool:
         """Whether several logs, taken as repetitions, do not tell any size of a cause from none."""
@@ -201,10 +207,6 @@ class Decisions(Stage):
                 finding.refused.append(
                     (action, "is no further from what is trusted than two programs with one model differ")
                 )
-            elif action.effect != PARAMETER and self._none_within(action, best.fit, agreed):
-                finding.refused.append(
-                    (action, "may be none within what two programs with one model differ by")
-                )
             elif (
                 action.effect != PARAMETER
                 and (part := self._left(best.fit, wrong, True, poorer.fit)) > LEAVES
@@ -217,8 +219,8 @@ class Decisions(Stage):
             elif self._none_between(action, between):
                 finding.refused.append((action, SCATTERS))
                 unsure.append(action)
-            elif action.effect == PARAMETER and self._holds_none(action, agreed):
-                finding.refused.append((action, "its interval holds what the model has"))
+            elif self._holds_none(action, agreed):
+                finding.refused.append((action, HOLDS_NONE))
                 unsure.append(action)
             else:
                 kept.append(action)
@@ -229,8 +231,11 @@ class Decisions(Stage):
             best = self.fits.scored(Candidate(tuple(kept), fit or null.fit, self.fits.price(kept)))
             # what told one of them from none may be gone with the others
             between = self._between(best)
+            agreed = self._as_well_as_programs_agree(best).fit
             gone = [a for a in kept if self._none_between(a, between)]
-            finding.refused += [(a, SCATTERS) for a in gone]
+            holding = [a for a in kept if a not in gone and self._holds_none(a, agreed)]
+            finding.refused += [(a, SCATTERS) for a in gone] + [(a, HOLDS_NONE) for a in holding]
+            gone += holding
             unsure += gone
             kept = [a for a in kept if a not in gone]
         finding.fitted = best
@@ -500,16 +505,6 @@ class Decisions(Stage):
             (deviation * self.known.scales[str(action.port)]) ** 2 + _between_programs(name, fit, agreed)
         )
         return bool(abs(fit.values[name] - value) <= SURE * allowed)
-
-    def _none_within(self, action: Action, fit: Fit, agreed: Fit) -> bool:
-        """Whether what two programs make of one model holds, at 95 %, for each size of a cause that there is none of it."""
-        known = {u.name for u in fit.unknowns}
-        differ = [
-            abs(fit.values[name] - none) > 1.96 * np.sqrt(_between_programs(name, fit, agreed))
-            for name, none in self.known.off(action).items()
-            if name in known
-        ]
-        return bool(differ) and not any(differ)
 
     def _silences(self, action: Action, fit: Fit) -> bool:
         """Whether a gain may be zero, beside something that stays wrong: the model then is one that explains nothing."""

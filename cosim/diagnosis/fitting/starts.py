@@ -41,6 +41,7 @@ def fit_from_starts(
     size: Size | None = None,
     slopes: Array | None = None,
     quick: bool = False,
+    besides: Mapping[str, float] | None = None,
 ) -> Fit:
     """Best of the fits that begin at the `keep` most promising combinations of the starts.
 
@@ -57,6 +58,7 @@ def fit_from_starts(
         size: what is sought begins, too, with the size that explains most.
         slopes: (rows, k) of the fit without the effect: what its own parameters can take up is not the effect's.
         quick: as `fit` takes it.
+        besides: parameters, SI, with which one combination more begins.
     """
     strained = {
         u.name: u.prior[0]
@@ -83,6 +85,9 @@ def fit_from_starts(
             return found
 
         seen = [(v | straight, white(v | straight)) for v in combined(unknowns, starts)]
+        if besides:
+            known = {u.name: u.start for u in unknowns} | straight | dict(besides)
+            white(bounded(known, unknowns))
         if size is not None:
             for same in differing_in_phase(seen, size):
                 white(bounded(sized(same, size, off, hidden), unknowns))

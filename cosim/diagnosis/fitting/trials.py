@@ -12,6 +12,7 @@ from cosim.diagnosis.fitting.group_model import GroupModel
 from cosim.diagnosis.fitting.limits import idle, out_of_reach, passed_in_fit, reached
 from cosim.diagnosis.fitting.noise import Whitener
 from cosim.diagnosis.fitting.starts import Size, fit_from_starts
+from cosim.diagnosis.fitting.weighed import weighed
 from cosim.diagnosis.record.signatures import SAMPLED
 from cosim.diagnosis.thresholds import (
     ASTRAY,
@@ -168,7 +169,13 @@ def tried(
         return Trial(effects, fit(task, wanted, rounds=rounds, quick=quick), price)
     slopes = None if near is None else near.slopes
     size = sought(task.model, effects, starts)
-    found = fit_from_starts(task, wanted, starts, rounds=rounds, size=size, slopes=slopes, quick=quick)
+    besides = {}
+    if size is not None and size.phase:
+        effect = next(e for e in effects if size.name == f"{e.component}.{e.key}")
+        besides = weighed(task, effect, {u.name: u.start for u in wanted})
+    found = fit_from_starts(
+        task, wanted, starts, rounds=rounds, size=size, slopes=slopes, quick=quick, besides=besides
+    )
     if beyond := passed_in_fit(task, effects, found):
         # one end of a travel is there, though in the place of the other something else was described
         found = fit(task, placed(wanted, found.values | beyond), rounds=rounds, quick=quick)

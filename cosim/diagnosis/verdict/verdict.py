@@ -78,7 +78,10 @@ def negligible(finding: Finding, signal: str) -> float:
     # while the motion is smaller than a step, and at rest, readings may be off by the same half step
     limits = [NOTICEABLE * finding.task.rules[signal].rms, ROUNDING_SHARE * rounding(finding, signal)]
     if len(finding.chosen.effects) == 1:
-        limits.append((LEFT_BY_LINEAR if sole_form(finding) else LAW_KNOWN_TO) * finding.before[signal].rms)
+        rule, measured = finding.task.rules[signal], finding.task.measured[signal]
+        # a model that runs away is wrong by more than there is to be explained
+        before = min(finding.before[signal].rms, rms(centred(rule, measured - measured.mean())))
+        limits.append((LEFT_BY_LINEAR if sole_form(finding) else LAW_KNOWN_TO) * before)
     return max(limits)
 
 
@@ -110,15 +113,15 @@ def unfollowed(finding: Finding, signal: str) -> bool:
     """True if a signal moves, in the model too, and the chosen set leaves as much of it as a constant reading would.
 
     Noise that is learned from errors as large and as slow as the motion itself takes them for its own. What the model
-    takes for constant, such as a supply pressure, moves by its noise alone, however slow.
+    takes for constant, such as a supply pressure, moves by its noise alone, however slow; what a cause brings to a stand,
+    as friction beyond any torque does, is not of that kind.
     """
     task, rule = finding.task, finding.task.rules[signal]
     measured, residual = task.measured[signal], finding.chosen.fit.residuals[signal]
     noise = max(noise_floor(measured, task.model.h), resolution(measured))
-    predicted = task.predicted(finding.chosen.fit)[signal]
-    left, whole, made = (
-        rms(centred(rule, x)) for x in (residual, measured - measured.mean(), predicted - predicted.mean())
-    )
+    left, whole = (rms(centred(rule, x)) for x in (residual, measured - measured.mean()))
+    predicted = (task.predicted(trial.fit)[signal] for trial in (finding.chosen, finding.null))
+    made = max(rms(centred(rule, x - x.mean())) for x in predicted)
     return min(whole, made) > MOVES_BEYOND * noise and left >= AS_A_CONSTANT * whole
 
 
