@@ -251,7 +251,7 @@ def told(
         return
     pairs = [(log.time * sample, *(log.require(n) * gains.get(n, 1.0) for n in ends)) for log in logs]
     if table.forced and "mechanical" in blocks and not rate:
-        back = next((b for one in pairs if (b := brought_back(*one)) is not None), None)
+        back = next((swing for one in pairs if (swing := brought_back(*one)) is not None), None)
         if back is not None:
             put(found, {"mechanical.b": back.damping, "mechanical.J": back.mass})
             found.lag += back.mass / back.damping
