@@ -5,10 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cosim.diagnosis.answer.answer import localisation
+from cosim.diagnosis.answer.answer import left_too_much, localisation
 from cosim.diagnosis.residuals.freeform import Leftover
 from cosim.diagnosis.thresholds import LAW_KNOWN_TO
 from cosim.diagnosis.verdict.verdict import negligible, unfollowed
+from fmus import registry
 
 TIME = np.arange(1000) * 0.02
 NOISE = 0.02 * np.random.default_rng(1).normal(size=TIME.size)
@@ -78,3 +79,25 @@ def test_the_block_that_follows_nothing_has_the_error(monkeypatch):
     monkeypatch.setattr("cosim.diagnosis.answer.answer.at_first", lambda finding, signal: 0.5)
     (place,) = localisation(SimpleNamespace(findings={"mechanical": finding}))
     assert place.share == 1.0
+
+
+@pytest.mark.parametrize(("after", "told"), [(2.0, True), (60.0, False)])
+def test_what_comes_nearest_is_told_where_it_leaves_too_much_to_be_named(monkeypatch, after, told):
+    """The weight of an arm took 220 deg of error to 3: not named beside trusted numbers, nothing was said of it."""
+    effect = registry.effects()["mechanical.gravity_load"]
+    names = {"mechanical.tau_g": 2.2, "mechanical.theta_g": 0.0}
+    fit = SimpleNamespace(values=names, deviations=dict.fromkeys(names, 0.1))
+    left = {
+        part: {"slew": SimpleNamespace(rms=np.radians(v), gain=1.0)}
+        for part, v in (("before", 50.0), ("after", after))
+    }
+    finding = SimpleNamespace(chosen=SimpleNamespace(effects=(effect,), fit=fit), **left)
+    diagnosis = SimpleNamespace(findings={"mechanical": finding}, between={})
+    monkeypatch.setattr("cosim.diagnosis.answer.answer.stands", lambda finding: False)
+    found = left_too_much(diagnosis)
+    assert [item.effect for item in found] == ["mechanical.gravity_load"] * told
+    for item in found:
+        assert "falls from 50 to 2 deg" in item.why
+        assert item.parameters["tau_g"].value == pytest.approx(2.2)
+    monkeypatch.setattr("cosim.diagnosis.answer.answer.stands", lambda finding: True)
+    assert left_too_much(diagnosis) == []

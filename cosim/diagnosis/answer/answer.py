@@ -33,6 +33,7 @@ from cosim.diagnosis.answer.schema import (
     OfLog,
     Packages,
     Parameter,
+    RefusedCause,
     Rival,
     Separable,
     ShownSignal,
@@ -48,7 +49,7 @@ from cosim.diagnosis.model.isolability import isolability
 from cosim.diagnosis.residuals.finding import at_first
 from cosim.diagnosis.residuals.reference import Reference, described
 from cosim.diagnosis.thresholds import INDEPENDENT, INDISTINGUISHABLE, SYSTEMATIC_SHARE
-from cosim.diagnosis.verdict.verdict import Cause, local, names_of, size_of, unfollowed
+from cosim.diagnosis.verdict.verdict import Cause, local, names_of, size_of, stands, unfollowed
 from cosim.inference.held_out import ratio_ci95
 from cosim.lexicon import current
 from cosim.logs import Log, listed
@@ -88,7 +89,7 @@ def answer(
         advice=advice(diagnosis),
         held_out=held_out(diagnosis),
         held_out_from=held_from(diagnosis),
-        refused=[turned_down(item, told) for item in diagnosis.refused],
+        refused=[turned_down(item, told) for item in diagnosis.refused] + left_too_much(diagnosis),
         data=[
             DataFinding(signal=d.signal, finding=d.finding, remedy=d.remedy, factor=d.factor)
             for d in diagnosis.data
@@ -206,6 +207,37 @@ def named(diagnosis: Diagnosis, cause: Cause) -> NamedCause:
         rivals=rivals,
         indistinguishable_from=list(cause.indistinguishable),
     )
+
+
+def left_too_much(diagnosis: Diagnosis) -> list[RefusedCause]:
+    """Causes that come nearest in a block, and leave more than trusted numbers allow."""
+    found = []
+    for name, finding in diagnosis.findings.items():
+        if not finding.chosen.effects or stands(finding):
+            continue
+        signal = max(finding.after, key=lambda s: finding.after[s].gain)
+        unit, scale = shown(signal)
+        before, after = (scale * left[signal].rms for left in (finding.before, finding.after))
+        if after >= before:
+            continue
+        beside = f" with {len(finding.chosen.effects) - 1} more" if len(finding.chosen.effects) > 1 else ""
+        for effect in finding.chosen.effects:
+            why = (
+                f"it comes nearest{beside}: what is systematic in {signal} falls from {before:.3g} to {after:.3g} {unit} "
+                "with it, and more is left than beside numbers that are trusted (--calibrate fits them, too)"
+            )
+            sizes = {
+                p: parameter_of(
+                    diagnosis,
+                    n,
+                    declared(effect, p),
+                    finding.chosen.fit.values[n],
+                    finding.chosen.fit.deviations[n],
+                )
+                for p, n in names_of(effect).items()
+            }
+            found.append(RefusedCause(effect=effect.name, block=name, why=why, parameters=sizes))
+    return found
 
 
 def unmoved(diagnosis: Diagnosis, cause: Cause) -> set[str]:
