@@ -24,6 +24,7 @@ from cosim.diagnosis.held_out.causes import (
     likeliest,
     predicts_better,
     reconsider,
+    spreads,
     stepper,
 )
 from cosim.diagnosis.held_out.gain import begun_anew
@@ -543,3 +544,12 @@ def test_a_drifting_prediction_begins_in_each_window_where_the_machine_stands() 
     assert found["slew"][25:] == pytest.approx(measured[25:])
     assert found["slew"][:25] == pytest.approx(drifting["slew"][:25])
     assert found["u"] is drifting["u"]
+
+
+def test_a_part_of_a_log_that_stands_still_counts_as_the_whole_log_does():
+    """A servo valve's pressure at its supply over a quarter: 0 / 0, and 1409 to 199 psi was "no more than chance may do"."""
+    reading = np.concatenate([np.sin(np.arange(300.0)), np.full(100, 3.0)])
+    assert spreads(reading, SimpleNamespace(cuts=()), 4) == [pytest.approx(np.var(reading))] * 4
+    own, still = spreads(reading, SimpleNamespace(cuts=(300,)), 2)
+    assert own == pytest.approx(np.var(reading[:300]))
+    assert still == pytest.approx(np.var(reading))
