@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hidden_logs import only
 
-from cosim.diagnosis.answer.remarks import turned_down
+from cosim.diagnosis.answer.remarks import at_supply, turned_down
 from cosim.diagnosis.fitting.chain import task_for
 from cosim.diagnosis.fitting.fit import Fit
 from cosim.diagnosis.fitting.limits import Passed
@@ -553,3 +553,19 @@ def test_a_part_of_a_log_that_stands_still_counts_as_the_whole_log_does():
     own, still = spreads(reading, SimpleNamespace(cuts=(300,)), 2)
     assert own == pytest.approx(np.var(reading[:300]))
     assert still == pytest.approx(np.var(reading))
+
+
+@pytest.mark.parametrize("supply", [False, True])
+def test_a_stop_of_an_unseen_spool_may_be_a_pressure_that_ends_at_its_supply(supply):
+    """Of a servo valve with blocked ports "a stop of the spool" was all that was said of 3000 psi, its supply."""
+    group = SimpleNamespace(stages=(("dead_zone", "dead_zone"), ("dcv", "dcv"), ("continuity", "continuity")))
+    task = SimpleNamespace(model=SimpleNamespace(group=group), measured={"p_load": np.array([-2e7, 1.9e7])})
+    effect = SimpleNamespace(name="dcv.stroke_limit")
+    diagnosis = SimpleNamespace(
+        causes=[SimpleNamespace(group="dcv+continuity", effect=effect)],
+        findings={"dcv+continuity": SimpleNamespace(task=task)},
+        record=SimpleNamespace(has=lambda *names: supply),
+    )
+    said = at_supply(diagnosis)
+    assert len(said) == (not supply)
+    assert supply or "between -200 and 190 bar" in said[0]
