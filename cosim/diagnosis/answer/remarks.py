@@ -330,7 +330,7 @@ def zero_of_speed(diagnosis: Diagnosis) -> list[str]:
 
 
 def at_supply(diagnosis: Diagnosis) -> list[str]:
-    """That a stop of a spool that was not measured looks as a pressure does that ends at its supply, where a pressure moves."""
+    """That a stop of a spool that was not measured looks as a pressure does that ends at its supply, if that moves."""
     found = []
     for cause in diagnosis.causes:
         finding = diagnosis.findings.get(cause.group)
@@ -447,7 +447,8 @@ def limits(diagnosis: Diagnosis, logs: Sequence[Log]) -> list[str]:
         as_good = high > 1.0 and linear.error < AS_WELL * linear.ours_error
         if (diagnosis.rests or diagnosis.verdict == "partly_explained") and as_good:
             unit, scale = shown(signal)
-            how = "better than" if low > 1.0 else "no clearly worse than"
+            clearly = low > 1.0 and linear.ours_error >= AS_WELL * linear.error
+            how = "better than" if clearly else "no clearly worse than"
             other = "the blocks in whose place it stands" if diagnosis.in_place else "the extended model"
             found.append(
                 f"on data held out a linear model ({linear.words}) predicts {signal} {how} {other}: "

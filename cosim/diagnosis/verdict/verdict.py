@@ -131,7 +131,16 @@ def size_of(finding: Finding, signal: str, event: Event) -> float:
     """Size of what stands out, beyond the noise around it, in the signal's unit."""
     if event.size > 0.0:
         return event.size
-    return finding.task.rules[signal].sigma * float(np.sqrt(max(event.excess - 1.0, 0.0)))
+    size = finding.task.rules[signal].sigma * float(np.sqrt(max(event.excess - 1.0, 0.0)))
+    # by how much one frequency exceeds those beside it says nothing of how wide it is: it is no more than all that is left
+    lasting = event.start == event.end
+    return min(size, rms(np.concatenate(after_start(finding, signal)))) if lasting else size
+
+
+def after_start(finding: Finding, signal: str) -> list[Array]:
+    """What is left of a signal in each log, without its start."""
+    rule = finding.task.rules[signal]
+    return [own[rule.skip :] for own in np.split(finding.chosen.fit.residuals[signal], rule.cuts)]
 
 
 def stands(finding: Finding) -> bool:
@@ -386,7 +395,7 @@ def floor_of(finding: Finding, signal: str) -> float:
     """
     task = finding.task
     rule = task.rules[signal]
-    parts = [own[rule.skip :] for own in np.split(finding.chosen.fit.residuals[signal], rule.cuts)]
+    parts = after_start(finding, signal)
     step = max(rounding(finding, signal), task.steps.get(signal, 0.0))
     if not adequate(finding):
         found = (noise_floor(x, task.model.h) for x in (task.measured[signal], np.concatenate(parts)))
