@@ -5,7 +5,7 @@ import re
 from cosim.ssp.quantities import definition
 
 # (a unit of the quantity, its letters); a letter may stand for several, and what has the unit decides
-LETTERS: tuple[tuple[str, tuple[str, ...]], ...] = (
+QUANTITIES: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("K", ("T", "theta", "Theta")),
     ("Pa", ("p", "P")),
     ("m3/s", ("q", "Q")),
@@ -26,7 +26,7 @@ def letters_of(unit: str) -> tuple[str, ...]:
     own = definition(unit, {}) if unit else None
     if own is None:
         return ()
-    for known, letters in LETTERS:
+    for known, letters in QUANTITIES:
         if (other := definition(known, {})) is not None and other.exponents == own.exponents:
             return letters
     return ()

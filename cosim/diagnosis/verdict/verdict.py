@@ -31,6 +31,7 @@ from cosim.diagnosis.thresholds import (
     ROUNDING_SHARE,
     STRAIN_MARGIN,
 )
+from cosim.diagnosis.verdict import FREE_CURVE
 from cosim.inference.held_out import HeldOutGain
 from fmus import registry
 from fmus.contract import Effect
@@ -293,6 +294,8 @@ def rests(finding: Finding, tolerance: float = NOMINAL_TRUST) -> list[Rest]:
             found += at_once
     if finding.lacks_linear:
         found.insert(0, missing_dynamics(finding))
+    if finding.lacks_curve:
+        found.insert(0, missing_curve(finding))
     return found or following_nothing(finding) or strained(finding, tolerance)
 
 
@@ -317,6 +320,18 @@ def missing_dynamics(finding: Finding) -> Rest:
         f"{linear.error / linear.ours_error:.0%} of the error that the model of blocks has"
     )
     left = replace(finding.before[signal], rms=float(np.sqrt(linear.ours_error**2 - linear.error**2)))
+    return Rest(finding.task.model.group.name, signal, left, words)
+
+
+def missing_curve(finding: Finding) -> Rest:
+    """What a free curve of the drive shows that the group lacks."""
+    assert finding.reference is not None
+    signal, ours = next(iter(finding.before)), finding.reference.ours_error
+    words = (
+        f"{signal} follows {finding.task.model.group.drive} {FREE_CURVE}: one without dynamics, fitted freely each way, "
+        f"leaves {finding.lacks_curve / ours:.0%} of the error that the model of blocks has"
+    )
+    left = replace(finding.before[signal], rms=float(np.sqrt(max(ours**2 - finding.lacks_curve**2, 0.0))))
     return Rest(finding.task.model.group.name, signal, left, words)
 
 
