@@ -555,11 +555,18 @@ def test_a_part_of_a_log_that_stands_still_counts_as_the_whole_log_does():
     assert still == pytest.approx(np.var(reading))
 
 
-@pytest.mark.parametrize("supply", [False, True])
-def test_a_stop_of_an_unseen_spool_may_be_a_pressure_that_ends_at_its_supply(supply):
+@pytest.mark.parametrize(("supply", "level"), [(False, 0.9), (True, 0.9), (False, 100.0)])
+def test_a_stop_of_an_unseen_spool_may_be_a_pressure_that_ends_at_its_supply(supply, level):
     """Of a servo valve with blocked ports "a stop of the spool" was all that was said of 3000 psi, its supply."""
+    swing = (
+        np.linspace(-2.0, 2.0, 1000) ** 3
+        if level < 1.0
+        else np.random.default_rng(2).normal(size=1000) / 400.0
+    )
     group = SimpleNamespace(stages=(("dead_zone", "dead_zone"), ("dcv", "dcv"), ("continuity", "continuity")))
-    task = SimpleNamespace(model=SimpleNamespace(group=group), measured={"p_load": np.array([-2e7, 1.9e7])})
+    task = SimpleNamespace(
+        model=SimpleNamespace(group=group), measured={"p_load": 2e7 * np.clip(level * swing, -1.0, 0.95)}
+    )
     effect = SimpleNamespace(name="dcv.stroke_limit")
     diagnosis = SimpleNamespace(
         causes=[SimpleNamespace(group="dcv+continuity", effect=effect)],
@@ -567,5 +574,5 @@ def test_a_stop_of_an_unseen_spool_may_be_a_pressure_that_ends_at_its_supply(sup
         record=SimpleNamespace(has=lambda *names: supply),
     )
     said = at_supply(diagnosis)
-    assert len(said) == (not supply)
-    assert supply or "between -200 and 190 bar" in said[0]
+    assert len(said) == (not supply and level < 1.0), "a pressure that rests at no end ends at none"
+    assert all("between -200 and 190 bar" in one for one in said)

@@ -341,6 +341,10 @@ def at_supply(diagnosis: Diagnosis) -> list[str]:
             continue
         for signal, reading in finding.task.measured.items():
             unit, scale = shown(signal)
+            near = AT_ZERO * float(np.ptp(reading))
+            ends = np.mean(reading <= reading.min() + near), np.mean(reading >= reading.max() - near)
+            if max(ends) < HELD_LEVEL:
+                continue
             low, high = (f"{v * scale:.4g}" for v in (reading.min(), reading.max()))
             found.append(
                 f"{signal} stays between {low} and {high} {unit}: where neither spool nor supply is measured, a pressure "
