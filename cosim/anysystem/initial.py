@@ -21,7 +21,7 @@ INITIAL = re.compile(r"initial|init\b|\bstart|beginn?ing|\bbegins?\b|anfang")
 IN_NAME = re.compile(
     r"^(init|initial|start|begin)_?(?=[A-Za-z])|_?(0|init|initial|start|begin)$", re.IGNORECASE
 )
-FIRST = 5  # samples that are averaged for what a log begins with
+FIRST = 5  # samples that are averaged for what a log begins with, if it stands there
 LETTER = 0.9  # how well a parameter fits whose name is the letter of such a quantity, or that a value is initial, alone
 OFF = 5.0  # standard deviations of the noise, beyond which a log begins elsewhere than the model
 SEEN = 2e-3  # of a reading's range: what begins nearer than that begins where the model does
@@ -70,7 +70,9 @@ def beginnings(
     for connector, column in shown.items():
         if not column.finite.size:
             continue
-        reading = float(np.mean(column.finite[:FIRST]))
+        first, noise = column.finite[:FIRST], white_noise(column.finite)
+        # what moves from the first sample on begins there
+        reading = float(first[0] if np.ptp(first) > OFF * noise else first.mean())
         parameter, named = of.get(connector, ("", False))
         port = port_of(system, connector)
         own = value_of(system, parameter) if parameter else system.variable(port).start
@@ -78,7 +80,7 @@ def beginnings(
         model = (
             _converted(float(own), units[connector], column.unit) if isinstance(own, (int, float)) else None
         )
-        least = max(OFF * white_noise(column.finite), SEEN * float(np.ptp(column.finite)))
+        least = max(OFF * noise, SEEN * float(np.ptp(column.finite)))
         off = model is None or abs(reading - model) > least
         found.append(Beginning(connector, parameter, named, reading, model, off))
     return found

@@ -160,6 +160,7 @@ def test_the_letter_of_a_quantity_and_a_plain_start_are_known(tmp_path, start):
         assert matched.taken == {1: "u", 2: "Part.T_plate"}
         (begin,) = beginnings_of(system, found, matched)
     assert begin.parameter == f"Part.{start}"
+    assert begin.reading == pytest.approx(129.0), "it moves from the first sample on"
 
 
 def test_what_all_names_have_in_common_and_columns_almost_empty_tell_nothing(tmp_path):
