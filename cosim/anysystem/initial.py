@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cosim.anysystem.letters import letters_of
 from cosim.anysystem.meant import APART, FITS, Akin
 from cosim.anysystem.read import value_of
 from cosim.compare.metrics import white_noise
@@ -20,7 +21,8 @@ INITIAL = re.compile(r"initial|init\b|\bstart|beginn?ing|\bbegins?\b|anfang")
 IN_NAME = re.compile(
     r"^(init|initial|start|begin)_?(?=[A-Za-z])|_?(0|init|initial|start|begin)$", re.IGNORECASE
 )
-FIRST = 5  # samples that are averaged for what a log begins with
+FIRST = 5  # samples that are averaged for what a log begins with, if it stands there
+LETTER = 0.9  # how well a parameter fits whose name is the letter of such a quantity, or that a value is initial, alone
 OFF = 5.0  # standard deviations of the noise, beyond which a log begins elsewhere than the model
 SEEN = 2e-3  # of a reading's range: what begins nearer than that begins where the model does
 
@@ -63,11 +65,14 @@ def beginnings(
         akin: how well two words fit, from 0 to 1.
     """
     found = []
-    of = initial_values(system, list(shown), words, akin)
+    counted = {c: units[c] or column.unit or "" for c, column in shown.items()}
+    of = initial_values(system, counted, words, akin)
     for connector, column in shown.items():
         if not column.finite.size:
             continue
-        reading = float(np.mean(column.finite[:FIRST]))
+        first, noise = column.finite[:FIRST], white_noise(column.finite)
+        # what moves from the first sample on begins there
+        reading = float(first[0] if np.ptp(first) > OFF * noise else first.mean())
         parameter, named = of.get(connector, ("", False))
         port = port_of(system, connector)
         own = value_of(system, parameter) if parameter else system.variable(port).start
@@ -75,27 +80,36 @@ def beginnings(
         model = (
             _converted(float(own), units[connector], column.unit) if isinstance(own, (int, float)) else None
         )
-        least = max(OFF * white_noise(column.finite), SEEN * float(np.ptp(column.finite)))
+        least = max(OFF * noise, SEEN * float(np.ptp(column.finite)))
         off = model is None or abs(reading - model) > least
         found.append(Beginning(connector, parameter, named, reading, model, off))
     return found
 
 
 def initial_values(
-    system: System, connectors: list[str], words: Callable[[str], list[str]], akin: Akin
+    system: System, connectors: Mapping[str, str], words: Callable[[str], list[str]], akin: Akin
 ) -> dict[str, tuple[str, bool]]:
     """Output -> the parameter of its component that looks like its initial value, and whether its name says so.
 
     Where two fit about as well none is taken; one parameter goes with one output.
+
+    Args:
+        system: the model as read.
+        connectors: output -> unit of its readings, empty where nobody says.
+        words: takes a name apart.
+        akin: how well two words fit, from 0 to 1.
     """
     fits: dict[tuple[str, str], float] = {}
-    for connector in connectors:
+    beside = [port_of(system, c).component for c in connectors]
+    for connector, unit in connectors.items():
         port = port_of(system, connector)
         component = system.components[port.component]
         output = component.fmu.variables[port.variable]
+        alone = beside.count(port.component) == 1
         for v in component.fmu.variables.values():
             if v.kind == "Real" and v.causality == "parameter" and v.can_be_set:
-                fits[connector, f"{component.name}.{v.name}"] = fit(v, output, words, akin)
+                by_letter = LETTER * lettered(v.name, unit, alone)
+                fits[connector, f"{component.name}.{v.name}"] = max(fit(v, output, words, akin), by_letter)
     found: dict[str, tuple[str, bool]] = {}
     for (connector, parameter), best in fits.items():
         others = [f for (c, p), f in fits.items() if (c == connector) != (p == parameter)]
@@ -123,6 +137,18 @@ def fit(parameter: Variable, output: Variable, words: Callable[[str], list[str]]
     if not own or not wanted:
         return 0.0
     return sum(max(akin(w, x) for x in wanted) for w in own) / len(own)
+
+
+def lettered(name: str, unit: str, alone: bool) -> bool:
+    """Whether a parameter is called as initial values are: by the letter of the quantity (`T_0`), or plainly (`start`).
+
+    Args:
+        name: of the parameter.
+        unit: of the output's readings.
+        alone: it is the only output of its component that was measured.
+    """
+    stem = IN_NAME.sub("", name)
+    return alone and stem != name and (not stem or stem in letters_of(unit))
 
 
 def _converted(value: float, unit: str, target: str | None) -> float | None:

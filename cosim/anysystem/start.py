@@ -7,6 +7,7 @@ from difflib import SequenceMatcher
 from pathlib import Path
 
 from cosim.anysystem.initial import Beginning, beginnings
+from cosim.anysystem.letters import is_letter
 from cosim.anysystem.meant import Meaning, behind, clearly, conflicts, kinds_of
 from cosim.anysystem.read import ends, heading, value_of
 from cosim.errors import DataError
@@ -16,7 +17,7 @@ from cosim.logs.guess import column_of, directed, opposite, stamped, time_lines
 from cosim.logs.overview import Column, Overview, overview
 from cosim.logs.source import Label
 from cosim.ssp.quantities import definition
-from cosim.ssp.stated import in_si, unit_in_words
+from cosim.ssp.stated import in_si, unit_in_words, without_unit
 from cosim.ssp.system import Port, System, Variable
 from cosim.system.graph import connectors, port_of
 
@@ -29,6 +30,7 @@ ABOUT = 0.05  # by which of two columns that fit a name neither is the better
 NEAREST = 3  # columns that are shown for a connector without one
 SLIP = 0.8  # of two words that are the same but for a slip
 LETTERS = {"u": ("in", "input"), "y": ("out", "output")}  # Modelica's names of a block's connectors
+_UNIT_WITHIN = re.compile(r"\s*[\[(][^\])]*[\])]")  # `Current (mA) - Plot 0`
 TIMES = ("time", "t", "zeit", "temps", "tid", "timestamp", "seconds")
 
 
@@ -56,11 +58,26 @@ def akin(one: str, other: str) -> float:
     return ratio if ratio >= SLIP else 0.0
 
 
-def likeness(label: Label, connector: str, unit: str) -> float:
-    """How well a column fits a connector, from 0 to 1; 0 where the units rule it out."""
+def likeness(label: Label, connector: str, unit: str, own: str = "") -> float:
+    """How well a column fits a connector, from 0 to 1; 0 where the units rule it out.
+
+    Args:
+        label: its heading.
+        connector: ``component.connector``.
+        unit: of the connector, empty where it has none.
+        own: what of its name no other column has in common, or empty.
+    """
     if label.unit and unit and not same_dimension(label.unit, unit):
         return 0.0
-    return max(_likeness(name, connector) for name in _names(label))
+    return max(_likeness(name, connector) for name in (*_names(label), *([own] if own else ())))
+
+
+def own_names(labels: Mapping[int, Label]) -> dict[int, str]:
+    """Index of a column -> its name without what all columns have in theirs: `Flow (GPM) - Plot 0` is Flow beside others."""
+    names = {k: words(without_unit(_UNIT_WITHIN.sub(" ", label.short))) for k, label in labels.items()}
+    shared = set.intersection(*map(set, names.values())) if len(names) > 1 else set()
+    left = {k: " ".join(w for w in own if w not in shared) for k, own in names.items()}
+    return left if shared and all(left.values()) else {}
 
 
 def _names(label: Label) -> list[str]:
@@ -131,7 +148,7 @@ def matches(
         system: the model as read.
         labels: the log's headings.
         clock: index of the time column; None where only its name can tell it.
-        stamps: further columns that hold time.
+        stamps: further columns that are no signals, such as those that hold time.
         other_way: column -> that of the other direction of the same command.
     """
     labels = tuple(heading(label, system) for label in labels)
@@ -148,8 +165,11 @@ def matches(
     units = {p: _unit(system, p) for p in ports}
     told = {p: _told(system, p) for p in ports}
     driving = entering(system)
+    own = own_names({k: label for k, label in enumerate(labels) if k not in times})
     scores = {
-        (k, port): max(likeness(label, name, units[port]) for name in (port, *feeds.get(port, ())))
+        (k, port): max(
+            likeness(label, name, units[port], own.get(k, "")) for name in (port, *feeds.get(port, ()))
+        )
         for k, label in enumerate(labels)
         if k not in times
         for port in ports
@@ -186,6 +206,8 @@ def matches(
     doubts |= {k: _because(told[port]) for k, port in meant.items()}
     taken |= (guessed := only_by_unit(labels, times, taken, counts, told))
     doubts |= dict.fromkeys(guessed, "only the unit fits")
+    taken |= (lettered := by_letter(labels, times, taken, counts))
+    doubts |= dict.fromkeys(lettered, "by the usual letter for what has its unit")
     sure = any(k not in meant for k in taken)  # what is left over from guesses is none
     taken |= (last := left_over(labels, times, taken, counts, told) if sure else {})
     doubts |= dict.fromkeys(last, "the only ones left over")
@@ -265,11 +287,13 @@ def of_file(system: System, found: Overview) -> Matches:
     clock = found.clock.column if found.clock else None
     others = {c.index: opposite(c, list(found.columns)) for c in found.columns}
     ways = {k: other.index for k, other in others.items() if other is not None}
-    made = matches(system, labels, clock, _stamps(found), ways)
+    # what lacks more values than it has was not logged over the run: the limits of a plot, say
+    no_signals = _stamps(found) | {c.index for c in found.columns if c.missing > c.finite.size}
+    made = matches(system, labels, clock, no_signals, ways)
     if clock is None or _is_time(found.columns[clock]):
         return made
     # what only rises evenly may be a ramp: it is one where its name is a connector's
-    again = matches(system, labels, None, _stamps(found), ways)
+    again = matches(system, labels, None, no_signals, ways)
     return again if clock in again.taken else made
 
 
@@ -329,6 +353,20 @@ def only_by_unit(
         ]
         for k in rest
     }
+    return {
+        k: ports[0]
+        for k, ports in fits.items()
+        if len(ports) == 1 and sum(ports[0] in others for others in fits.values()) == 1
+    }
+
+
+def by_letter(
+    labels: Sequence[Label], times: Collection[int], taken: Mapping[int, str], units: Mapping[str, str]
+) -> dict[int, str]:
+    """Columns left over and connectors without a unit whose name begins with the letter of such a quantity, one of each."""
+    rest = [k for k, label in enumerate(labels) if k not in times and k not in taken]
+    left = [p for p in units if p not in taken.values() and not dimensional(units[p])]
+    fits = {k: [p for p in left if is_letter(p.rpartition(".")[2], labels[k].unit or "")] for k in rest}
     return {
         k: ports[0]
         for k, ports in fits.items()

@@ -7,9 +7,10 @@ import contextlib
 import csv
 import dataclasses
 import io
+import math
 import re
 from array import array
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +19,12 @@ import pyarrow as pa
 from pyarrow import csv as arrow_csv
 
 from cosim.console import typed
-from cosim.errors import DataError, HeadlessError
+from cosim.errors import DataError, HeadlessError, UsageError
 from cosim.logs import blanks, controldesk, dates
 from cosim.logs.preamble import read_preamble
 from cosim.logs.source import Array, Label, Source, parse_label
 from cosim.logs.window import Window, head_text, survey
+from cosim.units import factor
 
 _MISSING = [
     "",
@@ -46,7 +48,9 @@ _PREFIXES = {"p": 1e-12, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "m": 1e-3, "k": 1e3, 
 # of a switch, as programs and Excel write it
 _TRUTH = {"true": 1.0, "false": 0.0, "wahr": 1.0, "falsch": 0.0}
 _PREFIXED = re.compile(r"([-+\d.,eE]*\d[\d.,]*)\s?([pnuµmkMG])")
+_IN_BRACKETS = re.compile(r"[\[(]\s*([^\])]+?)\s*[\])]")
 _BREAK = re.compile(r"\r\n|\r|\n")
+COARSE = 0.005  # of a column's range, beyond which the last digit of an export is told
 _BLOCK = 1 << 22
 
 
@@ -103,6 +107,9 @@ class TextSource(Source):
         self._squeezed: bytes | None = None
         self._passed = False
         self._prefixed = False
+        self._digits: dict[int, dict[float, int]] = {}  # column -> prefix -> most digits behind the point
+        self._told: set[int] = set()  # columns whose prefix was looked at
+        self._coarse: set[int] = set()  # and whose few digits were told
         self._surplus = False
         if header and above is None and remarks and self._unnamed(head, remarks, data):
             raise HeadlessError(
@@ -333,6 +340,7 @@ class TextSource(Source):
         self._passed, self._surplus = bool(passed), bool(beyond)
         found = {k: self._seconds(texts, k) for k, texts in stamps.items()}
         found |= {k: np.frombuffer(v, dtype=float) if v else np.empty(0) for k, v in columns.items()}
+        self._tell_digits(found)
         return [found[k] for k in indices]
 
     def _seconds(self, texts: list[str], k: int) -> Array:
@@ -364,18 +372,58 @@ class TextSource(Source):
             if cells and line > (self._survey.header_lines if self._header else self._above):
                 yield line, cells
 
+    def _tell_twice(self, text: str, prefix: str, k: int) -> None:
+        """Warns where a column's unit has the prefix as well: ``5m`` under ``(mA)``."""
+        found = _IN_BRACKETS.search(self._heading(k))
+        if found is None or not found[1].startswith(prefix):
+            return
+        unit, plain = found[1], found[1][len(prefix) :]
+        try:
+            twice = math.isclose(factor(unit, plain), _PREFIXES[prefix])
+        except UsageError:
+            return
+        if twice:
+            value = float(text[:-1].replace(",", ".")) * _PREFIXES[prefix]
+            self.warnings.append(
+                f"'{self._heading(k)}': '{text}' was read as {value:g} {unit}; if it means"
+                f' {text[:-1]} {unit}, write unit = "{plain}" in a mapping'
+            )
+
+    def _count_digits(self, k: int, text: str, decimal: str, prefix: float) -> None:
+        own = self._digits.setdefault(k, {})
+        own[prefix] = max(own.get(prefix, 0), len(text.partition(decimal)[2]))
+
+    def _tell_digits(self, columns: Mapping[int, Array]) -> None:
+        """Warns where the digits that a column was exported with change with the prefix, and are few beside its range."""
+        for k, digits in self._digits.items():
+            steps = sorted(prefix * 10.0**-count for prefix, count in digits.items())
+            values = columns[k][np.isfinite(columns[k])]
+            if k not in self._coarse and len(steps) > 1 and steps[-1] > COARSE * np.ptp(values):
+                self._coarse.add(k)
+                self.warnings.append(
+                    f"'{self._heading(k)}' was exported with few digits, rounded to {steps[0]:.6g} where it is small and to"
+                    f" {steps[-1]:.6g} where it is large: these steps are the file's and not the machine's"
+                )
+        self._digits = {}
+
     def _number(self, cell: str, decimal: str, line: int, k: int) -> float:
         text = cell.strip()
         if text in _MISSING:
             return float("nan")
         if _is_number(text, decimal):
+            if self._prefixed:
+                self._count_digits(k, text, decimal, 1.0)
             return float(text.replace(",", "."))
         if self._decimal is None and decimal == "." and _is_number(text, ","):
             raise _DecimalCommaError
         if (prefixed := _PREFIXED.fullmatch(text)) and _is_number(prefixed[1], decimal):
             if not self._prefixed:
                 self.warnings.append(f"numbers with a prefix were read as such: '{text}', m is a thousandth")
+            if k not in self._told:
+                self._told.add(k)
+                self._tell_twice(text, prefixed[2], k)
             self._prefixed = True
+            self._count_digits(k, prefixed[1], decimal, _PREFIXES[prefixed[2]])
             return float(prefixed[1].replace(",", ".")) * _PREFIXES[prefixed[2]]
         if (truth := _TRUTH.get(text.lower())) is not None:
             return truth

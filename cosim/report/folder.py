@@ -90,6 +90,11 @@ def load(folder: Path) -> Material:
 
     for name in (ANSWER, SERIES):
         if not (folder / name).is_file():
+            if name == SERIES and (folder / "report.html").is_file():
+                raise DataError(
+                    f"{folder} has no {name}: a diagnosis beside FMUs keeps no series, and its report.html is made with it; "
+                    "diagnose again to make it anew"
+                )
             raise DataError(f"{folder} has no {name}: {REMEDY}")
     answer = read_answer(folder)
     with speaking(lexicon_of(answer)):

@@ -11,6 +11,7 @@ from cosim.anysystem.actions import Action
 from cosim.anysystem.answer import numbers, stale_in
 from cosim.anysystem.read import read
 from cosim.anysystem.readings import Stale, stale_of
+from cosim.anysystem.search.rivals import Rivals
 from cosim.anysystem.start import began, beginnings_of, of_file
 from cosim.errors import DataError
 from cosim.inference.problem import Fit
@@ -125,3 +126,67 @@ def test_beside_a_single_fmu_a_parameters_name_is_enough(tmp_path):
         mapping.write_text(head + '[diagnose]\ntrusted = ["taw"]\n')
         with pytest.raises(DataError, match=r"it has Lag\.tau, Lag\.gain"):
             read([log], system, mapping)
+
+
+NAMED = """
+from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
+
+
+class Part(Fmi2Slave):
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.{u}, self.{y}, self.gain, self.{start} = 0.0, 0.0, 1.0, 20.0
+        self.register_variable(Real("{u}", causality=Fmi2Causality.input))
+        self.register_variable(Real("{y}", causality=Fmi2Causality.output))
+        for name in ("gain", "{start}"):
+            tunable = Fmi2Variability.tunable
+            self.register_variable(Real(name, causality=Fmi2Causality.parameter, variability=tunable))
+
+    def do_step(self, t, step):
+        return True
+"""
+
+
+@pytest.mark.parametrize("start", ["T_0", "start"])
+def test_the_letter_of_a_quantity_and_a_plain_start_are_known(tmp_path, start):
+    """`temperature [degC]` beside `T_plate`, a voltage beside `u`, and `T_0` as where it begins: nothing was matched."""
+    parts.by_pythonfmu("Part", NAMED.format(u="u", y="T_plate", start=start), tmp_path)
+    log = tmp_path / "log.csv"
+    rows = "".join(f"{2 * k},{9 * (k > 50)},{129 + k / 10}\n" for k in range(200))
+    log.write_text("time [s],lamp voltage [V],temperature [degC]\n" + rows)
+    found = overview(log)
+    with read_system(tmp_path / "Part.fmu") as system:
+        matched = of_file(system, found)
+        assert matched.taken == {1: "u", 2: "Part.T_plate"}
+        (begin,) = beginnings_of(system, found, matched)
+    assert begin.parameter == f"Part.{start}"
+    assert begin.reading == pytest.approx(129.0), "it moves from the first sample on"
+
+
+def test_what_all_names_have_in_common_and_columns_almost_empty_tell_nothing(tmp_path):
+    """`Current (mA) - Plot 0` and `Flow (GPM) - Plot 0` beside the limits of the plots were no connector's."""
+    parts.by_pythonfmu("Part", NAMED.format(u="current", y="flow", start="width"), tmp_path)
+    log = tmp_path / "log.csv"
+    rows = "".join(
+        f"{0.1 * k - 5},{2 + k % 7},{'0' if k < 2 else ''},{k if k < 2 else ''}\n" for k in range(200)
+    )
+    log.write_text(
+        "Current (mA) - Plot 0,Flow (GPM) - Plot 0,Current (mA) - Plot 1,Flow (GPM) - Plot 1\n" + rows
+    )
+    with read_system(tmp_path / "Part.fmu") as system:
+        assert of_file(system, overview(log)).taken == {0: "current", 1: "Part.flow"}
+
+
+def test_what_a_free_number_takes_up_is_no_want_of_the_log():
+    """A gain before an unknown gain "could not be shown by this log", and a run was proposed that shows it no better."""
+    u = np.linspace(-1.0, 1.0, 50)
+    problem = SimpleNamespace(
+        names=("y",),
+        model=lambda values: {"y": values["gain"] * u + values["faint"] * 1e-3},
+        whitened=lambda series: series["y"][None] / 0.01,
+        mask=np.ones(52, bool),  # two rows of priors behind the samples
+    )
+    best = SimpleNamespace(fit=SimpleNamespace(values={"gain": 1.0, "faint": 0.0}))
+    stage = SimpleNamespace(problem=problem)
+    assert not Rivals._unseen(stage, best, {"gain": 1.15}, 10.0)
+    assert Rivals._unseen(stage, best, {"faint": 1.0}, 10.0)

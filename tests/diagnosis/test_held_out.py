@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hidden_logs import only
 
-from cosim.diagnosis.answer.remarks import turned_down
+from cosim.diagnosis.answer.remarks import at_supply, turned_down
 from cosim.diagnosis.fitting.chain import task_for
 from cosim.diagnosis.fitting.fit import Fit
 from cosim.diagnosis.fitting.limits import Passed
@@ -24,6 +24,7 @@ from cosim.diagnosis.held_out.causes import (
     likeliest,
     predicts_better,
     reconsider,
+    spreads,
     stepper,
 )
 from cosim.diagnosis.held_out.gain import begun_anew
@@ -543,3 +544,35 @@ def test_a_drifting_prediction_begins_in_each_window_where_the_machine_stands() 
     assert found["slew"][25:] == pytest.approx(measured[25:])
     assert found["slew"][:25] == pytest.approx(drifting["slew"][:25])
     assert found["u"] is drifting["u"]
+
+
+def test_a_part_of_a_log_that_stands_still_counts_as_the_whole_log_does():
+    """A servo valve's pressure at its supply over a quarter: 0 / 0, and 1409 to 199 psi was "no more than chance may do"."""
+    reading = np.concatenate([np.sin(np.arange(300.0)), np.full(100, 3.0)])
+    assert spreads(reading, SimpleNamespace(cuts=()), 4) == [pytest.approx(np.var(reading))] * 4
+    own, still = spreads(reading, SimpleNamespace(cuts=(300,)), 2)
+    assert own == pytest.approx(np.var(reading[:300]))
+    assert still == pytest.approx(np.var(reading))
+
+
+@pytest.mark.parametrize(("supply", "level"), [(False, 0.9), (True, 0.9), (False, 100.0)])
+def test_a_stop_of_an_unseen_spool_may_be_a_pressure_that_ends_at_its_supply(supply, level):
+    """Of a servo valve with blocked ports "a stop of the spool" was all that was said of 3000 psi, its supply."""
+    swing = (
+        np.linspace(-2.0, 2.0, 1000) ** 3
+        if level < 1.0
+        else np.random.default_rng(2).normal(size=1000) / 400.0
+    )
+    group = SimpleNamespace(stages=(("dead_zone", "dead_zone"), ("dcv", "dcv"), ("continuity", "continuity")))
+    task = SimpleNamespace(
+        model=SimpleNamespace(group=group), measured={"p_load": 2e7 * np.clip(level * swing, -1.0, 0.95)}
+    )
+    effect = SimpleNamespace(name="dcv.stroke_limit")
+    diagnosis = SimpleNamespace(
+        causes=[SimpleNamespace(group="dcv+continuity", effect=effect)],
+        findings={"dcv+continuity": SimpleNamespace(task=task)},
+        record=SimpleNamespace(has=lambda *names: supply),
+    )
+    said = at_supply(diagnosis)
+    assert len(said) == (not supply and level < 1.0), "a pressure that rests at no end ends at none"
+    assert all("between -200 and 190 bar" in one for one in said)

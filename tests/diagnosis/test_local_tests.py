@@ -9,8 +9,9 @@ from hidden_logs import only
 from cosim.diagnosis.answer.answer import answer
 from cosim.diagnosis.pipeline.diagnose import diagnose
 from cosim.diagnosis.residuals.freeform import Leftover
-from cosim.diagnosis.residuals.local import apart, burst, line
+from cosim.diagnosis.residuals.local import Event, apart, burst, line
 from cosim.diagnosis.verdict import verdict
+from cosim.diagnosis.verdict.verdict import size_of
 from cosim.rig import make_log
 from cosim.rig.write import as_log
 
@@ -124,3 +125,18 @@ def test_an_event_smaller_than_what_is_left_everywhere_is_not_all_that_is_wrong(
     monkeypatch.setattr(verdict, "local_rests", lambda *_: [event])
     (found,) = verdict.rests(finding)  # type: ignore[arg-type]
     assert (found is event) == leads
+
+
+def test_a_line_that_stands_out_is_no_larger_than_all_that_is_left():
+    """A ripple of 0.3 rad/s of a servo drive was told as 4.1 rad/s: so far its one frequency rose above those beside it."""
+    ripple = 0.3 * np.sqrt(2.0) * np.sin(2.0 * np.pi * 5.65 * 0.02 * np.arange(1500))
+    residual = np.concatenate([np.full(50, 20.0), ripple])
+    rule = SimpleNamespace(sigma=0.35, skip=50, cuts=())
+    finding = SimpleNamespace(
+        task=SimpleNamespace(rules={"speed": rule}),
+        chosen=SimpleNamespace(fit=SimpleNamespace(residuals={"speed": residual})),
+    )
+    assert size_of(finding, "speed", Event(0.0, 100.0, 140.0, 5.65, 5.65)) == pytest.approx(0.3, rel=0.01)
+    assert size_of(finding, "speed", Event(0.0, 100.0, 140.0, 2.0, 3.0)) > 4.0, (
+        "what happens once may be larger"
+    )

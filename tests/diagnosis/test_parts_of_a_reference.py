@@ -1,5 +1,7 @@
 """How finely held-out data are cut and sampled beside a linear reference."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -8,9 +10,13 @@ from cosim.compare.metrics import rms
 from cosim.diagnosis.fitting.chain import window_of
 from cosim.diagnosis.record.record import Record, joined
 from cosim.diagnosis.residuals import reference as module
+from cosim.diagnosis.residuals.freeform import Leftover
 from cosim.diagnosis.residuals.reference import across, enough_parts, finer, fitted_to, in_turn, quickest
 from cosim.diagnosis.thresholds import REFERENCE_PARTS, REFERENCE_WINDOWS
+from cosim.diagnosis.verdict import FREE_CURVE
+from cosim.diagnosis.verdict.verdict import missing_curve
 from cosim.inference.linear import Data, LinearModel, Sections, model_of
+from cosim.system.effects import play
 
 
 def test_few_windows_of_a_swinging_error_are_cut() -> None:
@@ -100,3 +106,50 @@ def test_gains_that_cancel_between_quick_poles_are_those_of_the_log_s_own_sample
     left, of_points = (rms(speed - m.simulate(command, speed, h)) for m in (model, coarse[0]))
     assert model.sections == coarse[0].sections
     assert left < 0.2 * of_points
+
+
+def bent(u: np.ndarray, y: np.ndarray, h: float) -> tuple[SimpleNamespace, SimpleNamespace]:
+    """A task and a record of one signal that a command drives, in windows of 5 s."""
+    numbers = np.arange(u.size) // round(5.0 / h)
+    rule = SimpleNamespace(demean=False, layout=SimpleNamespace(numbers=lambda count: numbers[:count]))
+    group = SimpleNamespace(drive="u")
+    model = SimpleNamespace(group=group, drive=u, h=h, cuts=())
+    return SimpleNamespace(model=model, measured={"flow": y}, rules={"flow": rule}), SimpleNamespace(
+        time=h * np.arange(u.size)
+    )
+
+
+def test_a_bent_curve_with_play_is_no_dynamics_and_a_lag_is() -> None:
+    """A servo valve's flow over one slow ramp up and down: "linear dynamics are missing: an integrator, an integrator"."""
+    h = 0.1
+    t = h * np.arange(3000)
+    ramp = np.interp(t, [0.0, 150.0, 300.0], [-1.0, 1.0, -1.0])
+    followed = play(ramp, h, {"half_width": 0.02})
+    assert module.of_curve(*bent(ramp, np.tanh(1.5 * followed), h)) < 0.01
+    steps = np.repeat(np.random.default_rng(4).uniform(-1.0, 1.0, 60), 50)
+    lagged = lfilter([h / 3.0], [1.0, h / 3.0 - 1.0], steps)
+    assert module.of_curve(*bent(steps, lagged, h)) > 0.1
+
+
+def test_held_out_data_judge_the_curve_that_the_log_has() -> None:
+    h = 0.1
+    t = h * np.arange(3000)
+    ramp = np.interp(t, [0.0, 150.0, 300.0], [-1.0, 1.0, -1.0])
+    task, record = bent(ramp, np.abs(ramp), h)
+    for factor, error in ((1.0, 0.0), (2.0, 0.5)):
+        held = SimpleNamespace(signals={"u": ramp, "flow": factor * np.abs(ramp)}, cuts=())
+        assert module.of_curve(task, record, held, 100) == pytest.approx(error, abs=0.1)
+
+
+def test_what_a_curve_tells_is_said_as_such() -> None:
+    finding = SimpleNamespace(
+        task=bent(np.zeros(1), np.zeros(1), 0.1)[0],
+        before={"flow": Leftover(0.0, 1.0, 1.0, np.zeros(1), {}, {}, 1.0)},
+        reference=SimpleNamespace(ours_error=1.0),
+        lacks_curve=0.6,
+    )
+    finding.task.model.group.name = "dcv"
+    rest = missing_curve(finding)
+    assert rest.what.startswith(f"flow follows u {FREE_CURVE}")
+    assert "leaves 60% of the error" in rest.what
+    assert rest.leftover.rms == pytest.approx(0.8)

@@ -130,3 +130,19 @@ def test_what_only_looks_like_a_prefix_is_refused(write, cell):
 )
 def test_a_unit_within_a_name(name, unit):
     assert unit_within(name) == unit
+
+
+def test_a_prefix_beside_a_unit_that_has_it_and_digits_that_change_with_it_are_told(write):
+    """A servo valve's `25.1m` under `(mA)`, and flows of 0.7315 and 2.5: "unexplained" for steps that the file made."""
+    flow = [f"{1000 * q:.1f}m" if abs(q) < 1.0 else f"{q:.1f}" for q in np.linspace(-2.5, 2.5, 101)]
+    rows_ = "".join(f"{k - 50}.5m\t{q}\n" for k, q in enumerate(flow))
+    found = overview(write("Current (mA) - Plot 0\tFlow (GPM) - Plot 0\n" + rows_, "graph.txt"))
+    twice, digits = (next(w for w in found.warnings if t in w) for t in ("was read as", "few digits"))
+    assert "'-50.5m' was read as -0.0505 mA; if it means -50.5 mA, write unit = \"A\"" in twice
+    assert "Flow (GPM) - Plot 0" in digits
+    assert "rounded to 0.0001 where it is small and to 0.1 where it is large" in digits
+
+
+def test_the_digits_of_one_prefix_are_not_told(write):
+    text = "Flow (min) - Plot 0\tx\n" + "".join(f"{k}.5m\t{k}\n" for k in range(30))
+    assert len(overview(write(text, "graph.txt")).warnings) == 1

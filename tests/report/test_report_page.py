@@ -154,6 +154,22 @@ def test_what_stays_unexplained_is_drawn():
     assert "Missing torque against slew angle" in text
 
 
+def test_where_something_stays_unexplained_it_is_not_said_that_no_run_is_needed():
+    """Of a heated plate that nothing explained: "No further run is needed to tell explanations apart."."""
+    material = friction_with_rest()
+    assert material.answer.unexplained
+    material = replace(material, answer=material.answer.model_copy(update={"next_experiment": None}))
+    text = page(material)
+    assert "No further run is needed" not in text
+    assert "No run is proposed" in text
+
+
+def test_a_folder_of_a_diagnosis_beside_fmus_is_told(copy, capsys):
+    (copy / "comparison.parquet").unlink()
+    assert run(copy) == 3
+    assert "beside FMUs keeps no series" in capsys.readouterr().err
+
+
 def test_what_happened_once_is_drawn_from_near_and_weak_curves_are_not():
     material = friction_with_rest()
     curves = material.parts["mechanical"].after["slew"]

@@ -1,6 +1,6 @@
 """What would do as well as a named cause, or may be there unseen: other causes, other places, what was never exercised."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -263,6 +263,18 @@ class Rivals(Stage):
             if rows is None:
                 continue
             change = (here - rows)[self.problem.mask]
-            if 0.5 * float(change @ change) < NAMED + self.fits.price((action,)):
+            least = NAMED + self.fits.price((action,))
+            if 0.5 * float(change @ change) < least and self._unseen(best, moved, least):
                 found[action] = moved
         return found
+
+    def _unseen(self, best: Candidate, moved: Mapping[str, float], least: float) -> bool:
+        """Whether values change the readings by less than the noise while every other number stays.
+
+        What a free number takes up whole, as one that is not known does with a gain before it, is no want of the log:
+        another log shows it no better.
+        """
+        plain, other = self.problem.model(best.fit.values), self.problem.model({**best.fit.values, **moved})
+        rows = self.problem.whitened({n: plain[n] - other[n] for n in self.problem.names})[0]
+        change = rows[self.problem.mask[: rows.size]]
+        return 0.5 * float(change @ change) < least

@@ -27,6 +27,7 @@ from cosim.machines.rough import stays_with
 from cosim.units import number_and_unit
 
 Array = NDArray[np.float64]
+STOP = "dcv.stroke_limit"
 HELD_BY = "mechanical.gravity_load"  # brings a place back, as a spring or a pendulum's weight does
 
 
@@ -328,6 +329,31 @@ def zero_of_speed(diagnosis: Diagnosis) -> list[str]:
     return found
 
 
+def at_supply(diagnosis: Diagnosis) -> list[str]:
+    """That a stop of a spool that was not measured looks as a pressure does that ends at its supply, if that moves."""
+    found = []
+    for cause in diagnosis.causes:
+        finding = diagnosis.findings.get(cause.group)
+        if finding is None or cause.effect.name != STOP:
+            continue
+        stages = [name for name, _ in finding.task.model.group.stages]
+        if "dcv" not in stages or stages[-1] != "continuity" or diagnosis.record.has("p_supply"):
+            continue
+        for signal, reading in finding.task.measured.items():
+            unit, scale = shown(signal)
+            near = AT_ZERO * float(np.ptp(reading))
+            ends = np.mean(reading <= reading.min() + near), np.mean(reading >= reading.max() - near)
+            if max(ends) < HELD_LEVEL:
+                continue
+            low, high = (f"{v * scale:.4g}" for v in (reading.min(), reading.max()))
+            found.append(
+                f"{signal} stays between {low} and {high} {unit}: where neither spool nor supply is measured, a pressure "
+                f"that ends at its supply or at a relief valve looks the same as {STOP}: compare these with the supply "
+                "pressure"
+            )
+    return found
+
+
 def itself(record: Record, drive: str, place: str) -> bool:
     """Whether a place follows its drive itself, in most pieces of a record of those that tell."""
     if not record.has(drive, place):
@@ -391,7 +417,8 @@ def advice(diagnosis: Diagnosis) -> list[str]:
     """How to record or map a log that tells more, and what it says in the numbers that the file states."""
     record, machine = diagnosis.record, diagnosis.machine
     direction = one_way(record, machine) or one_sided(record, machine)
-    more = no_sign(record, machine) + zero_of_speed(diagnosis) + at_once(diagnosis) + one_level(diagnosis)
+    more = no_sign(record, machine) + zero_of_speed(diagnosis) + at_supply(diagnosis)
+    more += at_once(diagnosis) + one_level(diagnosis)
     return as_stated(diagnosis) + direction + more
 
 
@@ -424,7 +451,8 @@ def limits(diagnosis: Diagnosis, logs: Sequence[Log]) -> list[str]:
         as_good = high > 1.0 and linear.error < AS_WELL * linear.ours_error
         if (diagnosis.rests or diagnosis.verdict == "partly_explained") and as_good:
             unit, scale = shown(signal)
-            how = "better than" if low > 1.0 else "no clearly worse than"
+            clearly = low > 1.0 and linear.ours_error >= AS_WELL * linear.error
+            how = "better than" if clearly else "no clearly worse than"
             other = "the blocks in whose place it stands" if diagnosis.in_place else "the extended model"
             found.append(
                 f"on data held out a linear model ({linear.words}) predicts {signal} {how} {other}: "

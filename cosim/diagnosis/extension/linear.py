@@ -117,7 +117,7 @@ def can_replace(found: Diagnosis) -> bool:
         return False
     whole = found.references.get(signal)
     of_all = bool(found.rests) and not found.causes and whole is not None and whole.clearly_better
-    if finding.reference is None or not (finding.lacks_linear or of_all):
+    if finding.reference is None or finding.lacks_curve or not (finding.lacks_linear or of_all):
         return False
     parts = found.machine.signals[signal].parts
     return len(parts) == 1 and found.machine.wiring.unit(parts[0][0]) in BLOCKS

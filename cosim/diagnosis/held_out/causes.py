@@ -301,8 +301,7 @@ def stepper(
         placed, course = model.group.integrates and not anew, None
         if held.in_turn:
             each = left_out_errors(finding, effects, fit_, signal, tolerance, anew)
-            each_log = np.split(finding.task.measured[signal], fold_cuts(rule, held.record.time.size))
-            spread = [float(np.var(v)) for v in each_log]
+            spread = spreads(finding.task.measured[signal], rule, len(each))
             # each log counts as much; few logs are cut into as many parts as make an interval
             count = -(-FEWEST_PARTS // len(each))
             own = [parts_of(e, rule, True, fewest=count) if anew else mean_squares(e, count) for e in each]
@@ -332,6 +331,17 @@ def stepper(
         return done[key]
 
     return step
+
+
+def spreads(reading: Array, rule: Whitener, folds: int) -> list[float]:
+    """Variance by which the error of each fold counts: of each log its own, as each counts as much.
+
+    Quarters of one log are one run: all have the whole log's, and so has a log in which nothing moves.
+    """
+    whole = max(float(np.var(reading)), 1e-300)
+    if not rule.cuts:
+        return [whole] * folds
+    return [float(np.var(part)) or whole for part in np.split(reading, rule.cuts)]
 
 
 def errs(finding: Finding, fit_: Fit, held: Held, signal: str) -> tuple[Array, Array | None]:

@@ -65,6 +65,7 @@ from cosim.diagnosis.residuals.reference import (
     across,
     beside,
     in_turn,
+    of_curve,
     of_group,
     of_same_order,
     of_whole,
@@ -350,7 +351,12 @@ def beside_linear(finding: Finding, record: Record, held: Held | None, fitted: F
         return finding
     if held is None and finding.chosen.effects and numbers_only(finding, record, linear):
         return finding
-    return replace(finding.accept(finding.null, record), lacks_linear=True, rivals={})
+    without = replace(finding.accept(finding.null, record), rivals={})
+    if group.is_speed(signal) or not group.integrates:
+        curve = of_curve(task, record, *((None, 0) if held is None else (held.record, held.first)))
+        if curve < AS_WELL * linear.error:  # what a curve tells is no dynamics
+            return replace(without, lacks_curve=curve)
+    return replace(without, lacks_linear=True)
 
 
 def numbers_only(finding: Finding, record: Record, linear: Reference) -> bool:

@@ -57,6 +57,7 @@ class Finding:
         undecided: name of an effect -> what held-out data cannot tell from it, where these were asked.
         held_squares: (windows,) mean square of the free run's error on held-out data with the effects kept, SI.
         lacks_linear: the linear model is clearly better: linear dynamics are missing.
+        lacks_curve: error of a free curve of the drive that does as well as this linear model, SI; 0 where there is none.
     """
 
     task: Task
@@ -76,6 +77,7 @@ class Finding:
     undecided: Mapping[str, Sequence[str]] = field(default_factory=dict)
     held_squares: Array | None = field(default=None, repr=False)
     lacks_linear: bool = False
+    lacks_curve: float = 0.0
 
     def accept(self, chosen: Trial, record: Record) -> "Finding":
         """The finding with another set accepted, and what that leaves."""

@@ -16,10 +16,12 @@ from cosim.diagnosis.fitting.noise import Whitener, Windows
 from cosim.diagnosis.record.record import Record, each_left_out
 from cosim.diagnosis.residuals.cross_validation import held_windows, left_out_steps
 from cosim.diagnosis.thresholds import AS_WELL, PART_CROSSINGS, REFERENCE_PARTS, REFERENCE_WINDOWS
+from cosim.inference.freeform import HATS
+from cosim.inference.held_out import left_out, ratio_ci95
 from cosim.inference.held_out import mean_squares as begun_anew
-from cosim.inference.held_out import ratio_ci95
 from cosim.inference.linear import Data, LinearModel, model_of, reference
 from cosim.inference.pieces import Cuts, by_piece
+from cosim.system.effects import play
 
 Array = NDArray[np.float64]
 Fitted = dict[tuple[str, str], LinearModel]  # (drive, signal) -> model of a free run over what judges it not
@@ -31,6 +33,7 @@ SHARE_KEPT = 0.98  # of a signal's power below the highest frequency that counts
 POINTS_A_CYCLE = 8  # of that frequency
 COARSEST = 1000  # samples in one point
 FINEST = 10  # times as many points as usual at most
+PLAY = 0.02  # of a command's range, by which the way is told that it goes
 ORDER_PARTS = 8  # of a log, left out in turn to find the order: long beside its slowest motion
 
 
@@ -280,6 +283,37 @@ def beside(task: Task, found: Fit, time: Array, fit: Callable[[Data], LinearMode
     parts = finer(own.window, (left, error))
     span = rule.bins * rule.window * task.model.h
     return Reference(model, mean_squares(left, parts, False), mean_squares(error, parts, False), span)
+
+
+def of_curve(task: Task, record: Record, held: Record | None = None, first: int = 0) -> float:
+    """RMSE of a free curve of the drive, one each way, in the windows or on the data that judge a reference, SI.
+
+    It knows no time. Slow modes trace the bends of any curve where a command ramps up and down but once or twice.
+
+    Args:
+        task: data of the group.
+        record: the log that is fitted.
+        held: the record that holds the data held out; without it each window is judged by the others.
+        first: sample of it from which errors count.
+    """
+    signal, drive = next(iter(task.measured)), task.model.group.drive
+    rule, u, y = task.rules[signal], task.model.drive, task.measured[signal]
+    window = windows_of(rule, y.size)
+    pair = evened(u, y, record.time, task.model.h, window, cuts=task.model.cuts)
+    data = data_of(pair, rule.demean and held is None, pair.window >= 0)
+    knots = np.unique(np.quantile(pair.u, np.linspace(0.0, 1.0, HATS)))
+
+    def curve(of: Array, cuts: Cuts) -> Array:
+        hats = [np.interp(of, knots, one) for one in np.eye(knots.size)]
+        half = {"half_width": PLAY * float(np.ptp(knots))}
+        return np.stack([*hats, by_piece(lambda x: play(x, pair.h, half), cuts, of) - of])
+
+    rows, slopes = data.rows(pair.y[None])[0], data.rows(curve(pair.u, pair.cuts)).T
+    gains = np.linalg.lstsq(slopes, rows, rcond=None)[0]
+    if held is None:
+        return float(np.sqrt(np.mean(left_out(rows - slopes @ gains, slopes, data.block) ** 2)))
+    error = held.signals[signal] - gains @ curve(held.signals[drive], held.cuts)
+    return float(np.sqrt(np.mean(error[first:] ** 2)))
 
 
 def left_out_prediction(task: Task, found: Fit, signal: str) -> Array:

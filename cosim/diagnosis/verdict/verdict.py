@@ -31,6 +31,7 @@ from cosim.diagnosis.thresholds import (
     ROUNDING_SHARE,
     STRAIN_MARGIN,
 )
+from cosim.diagnosis.verdict import FREE_CURVE
 from cosim.inference.held_out import HeldOutGain
 from fmus import registry
 from fmus.contract import Effect
@@ -134,7 +135,16 @@ def size_of(finding: Finding, signal: str, event: Event) -> float:
     """Size of what stands out, beyond the noise around it, in the signal's unit."""
     if event.size > 0.0:
         return event.size
-    return finding.task.rules[signal].sigma * float(np.sqrt(max(event.excess - 1.0, 0.0)))
+    size = finding.task.rules[signal].sigma * float(np.sqrt(max(event.excess - 1.0, 0.0)))
+    # by how much one frequency exceeds those beside it says nothing of how wide it is: it is no more than all that is left
+    lasting = event.start == event.end
+    return min(size, rms(np.concatenate(after_start(finding, signal)))) if lasting else size
+
+
+def after_start(finding: Finding, signal: str) -> list[Array]:
+    """What is left of a signal in each log, without its start."""
+    rule = finding.task.rules[signal]
+    return [own[rule.skip :] for own in np.split(finding.chosen.fit.residuals[signal], rule.cuts)]
 
 
 def stands(finding: Finding) -> bool:
@@ -287,6 +297,8 @@ def rests(finding: Finding, tolerance: float = NOMINAL_TRUST) -> list[Rest]:
             found += at_once
     if finding.lacks_linear:
         found.insert(0, missing_dynamics(finding))
+    if finding.lacks_curve:
+        found.insert(0, missing_curve(finding))
     return found or following_nothing(finding) or strained(finding, tolerance)
 
 
@@ -311,6 +323,18 @@ def missing_dynamics(finding: Finding) -> Rest:
         f"{linear.error / linear.ours_error:.0%} of the error that the model of blocks has"
     )
     left = replace(finding.before[signal], rms=float(np.sqrt(linear.ours_error**2 - linear.error**2)))
+    return Rest(finding.task.model.group.name, signal, left, words)
+
+
+def missing_curve(finding: Finding) -> Rest:
+    """What a free curve of the drive shows that the group lacks."""
+    assert finding.reference is not None
+    signal, ours = next(iter(finding.before)), finding.reference.ours_error
+    words = (
+        f"{signal} follows {finding.task.model.group.drive} {FREE_CURVE}: one without dynamics, fitted freely each way, "
+        f"leaves {finding.lacks_curve / ours:.0%} of the error that the model of blocks has"
+    )
+    left = replace(finding.before[signal], rms=float(np.sqrt(max(ours**2 - finding.lacks_curve**2, 0.0))))
     return Rest(finding.task.model.group.name, signal, left, words)
 
 
@@ -389,7 +413,7 @@ def floor_of(finding: Finding, signal: str) -> float:
     """
     task = finding.task
     rule = task.rules[signal]
-    parts = [own[rule.skip :] for own in np.split(finding.chosen.fit.residuals[signal], rule.cuts)]
+    parts = after_start(finding, signal)
     step = max(rounding(finding, signal), task.steps.get(signal, 0.0))
     if not adequate(finding):
         found = (noise_floor(x, task.model.h) for x in (task.measured[signal], np.concatenate(parts)))
