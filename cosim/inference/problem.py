@@ -31,9 +31,8 @@ EVALUATIONS = 14  # of one search
 FAILED = 1e6  # whitened residual where the model cannot be run
 LARGEST = 1e120  # of one that runs away: its square is a number
 ROUGHLY = 1e-3  # of what is left: a search among many that would gain less has ended
-ABOUT = (
-    "about:"  # before a nuisance's name: where values already have it, beside which it follows by its slope
-)
+# before a nuisance's name: where values already have it, beside which it follows by its slope
+ABOUT = "about:"
 EQUAL = 1e-6  # share by which sizes that are the same differ, by rounding and by the steps of an FMU
 
 

@@ -46,6 +46,7 @@ AWAY = (
 def begun(folder):
     """Begins once zarr's threads, which outlive a failed write within one process, have let go of the folder."""
     for left in reversed(range(600)):
+        settled()
         try:
             return Store(folder).begin({"identity": "x"}, coordinates(), fresh=False)
         except UsageError as error:
@@ -92,7 +93,7 @@ def simulated(number):
 def settled():
     """Waits for what zarr goes on with though one of its writes has failed."""
     until = time.monotonic() + 60.0
-    while asyncio.all_tasks(zarr.core.sync.loop[0]):
+    while (loop := zarr.core.sync.loop[0]) is not None and asyncio.all_tasks(loop):
         assert time.monotonic() < until
         time.sleep(0.01)
 

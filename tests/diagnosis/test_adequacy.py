@@ -69,23 +69,29 @@ def test_a_linear_model_is_no_better_where_nobody_would_mind(linear: float, bett
 
 
 @pytest.mark.parametrize(
-    ("order", "is_speed", "lacks"), [(0, True, False), (1, True, True), (0, False, True)]
+    ("order", "is_speed", "curve", "lacks"),
+    [(0, True, 1.0, False), (1, True, 1.0, True), (1, True, 0.5, False), (0, False, 0.5, True)],
 )
 def test_a_constant_gain_shows_no_dynamics_that_a_speed_lacks(
-    monkeypatch: pytest.MonkeyPatch, order: int, is_speed: bool, lacks: bool
+    monkeypatch: pytest.MonkeyPatch, order: int, is_speed: bool, curve: float, lacks: bool
 ) -> None:
-    """A damper's friction was dropped for "linear dynamics: a constant gain"; a place that follows so does lack them."""
+    """A damper's friction was dropped for "linear dynamics: a constant gain"; a place that follows so does lack them.
+
+    Nor does a free curve that does as well: its bends are no dynamics.
+    """
     reference = Reference(SimpleNamespace(order=order), np.full(24, 0.25), np.ones(24))  # type: ignore[arg-type]
     group = SimpleNamespace(integrates=True, is_speed=lambda signal: is_speed)
     task = SimpleNamespace(model=SimpleNamespace(group=group), measured={"speed": np.ones(9)})
     monkeypatch.setattr(pipeline, "of_group", lambda *_: reference)
     monkeypatch.setattr(pipeline, "adequate", lambda finding: False)
     monkeypatch.setattr(pipeline, "negligible", lambda *_: 0.0)
+    monkeypatch.setattr(pipeline, "of_curve", lambda *_: curve)
 
     @dataclass(frozen=True)
     class Stub:
         task: SimpleNamespace
         reference: Reference | None = None
+        lacks_curve: float = 0.0
         chosen: SimpleNamespace = field(default_factory=lambda: SimpleNamespace(fit=None, effects=()))
         null: None = None
         lacks_linear: bool = False
@@ -98,6 +104,7 @@ def test_a_constant_gain_shows_no_dynamics_that_a_speed_lacks(
     found = pipeline.beside_linear(Stub(task), SimpleNamespace(time=np.arange(9.0)), None, {})  # type: ignore[arg-type]
     assert found.reference is reference
     assert found.lacks_linear is lacks
+    assert found.lacks_curve == (curve if order and not lacks else 0.0)
 
 
 @pytest.mark.parametrize(

@@ -119,7 +119,7 @@ def test_an_event_smaller_than_what_is_left_everywhere_is_not_all_that_is_wrong(
 
     rest, event = left(10.0, 1.0), verdict.Rest("mechanical", "slew", left(1e6, size), "once", (1.0, 2.0))
     group = SimpleNamespace(model=SimpleNamespace(group=SimpleNamespace(name="mechanical")))
-    finding = SimpleNamespace(after={"slew": rest}, task=group, lacks_linear=False)
+    finding = SimpleNamespace(after={"slew": rest}, task=group, lacks_linear=False, lacks_curve=0.0)
     monkeypatch.setattr(verdict, "stands", lambda _: True)
     monkeypatch.setattr(verdict, "notable", lambda *_: True)
     monkeypatch.setattr(verdict, "local_rests", lambda *_: [event])
