@@ -132,7 +132,6 @@ def brought_back(time: Array, drive: Array, response: Array) -> SecondOrder | No
     h, count = float(even[1] - even[0]), even.size
     inside = _inside(count, h)
     goal = inside(y)
-    on = first_order(time, drive, response, integrates=True)
     power = float(goal @ goal)
     slowest, fastest = 2.0 * np.pi * SLOWEST_MODE / (h * count), 2.0 * np.pi / (FASTEST_MODE * h)
     if power == 0.0 or fastest <= slowest:
@@ -166,6 +165,7 @@ def brought_back(time: Array, drive: Array, response: Array) -> SecondOrder | No
     best = minimize(lambda logs: at(logs)[0], best, method="Nelder-Mead", options={"xatol": 1e-3}).x
     left, gain = at(best)
     w, zeta = np.exp(best)
+    on = first_order(time, drive, response, integrates=True)
     if gain <= 0.0 or left >= NEARER * (1.0 - on.share * (on.gain > 0.0)) or not slowest <= w <= fastest:
         return None
     mass = 1.0 / (gain * w * w)

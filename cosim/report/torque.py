@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.diagnosis.answer.schema import NamedCause
+from cosim.diagnosis.record.torque import TORQUE_CUTOFF, cutoff_for
 from cosim.report.material import Material
 from cosim.report.names import kind_of_motion
 from cosim.report.picture import Layer, Panel, Picture
@@ -15,12 +16,8 @@ from fmus import registry
 
 Array = NDArray[np.float64]
 
-TORQUE_CUTOFF = 5.0  # Hz: an angle noise of 0.01 deg at 1 kHz then leaves some 10 N m of torque noise
 EDGE = 0.5  # s at either end, where the smoothing has no neighbours
 STRIDE = 0.02  # s between points shown
-PERIODS = (
-    20.0  # of the cutoff that a log is long at least: one move of a servo in 0.7 s is no slew of a minute
-)
 POINTS = 300.0  # shown of a short log
 DEG = np.pi / 180.0
 BAR = 1e5
@@ -42,7 +39,7 @@ class Motion:
         if drive not in signals or angle not in signals:
             raise LookupError(f"the torque needs {drive} and {angle}")
         span = signals[angle].size * h
-        cutoff, stride = max(TORQUE_CUTOFF, PERIODS / span), min(STRIDE, span / POINTS)
+        cutoff, stride = cutoff_for(span), min(STRIDE, span / POINTS)
         pick = points(signals[angle].size, h, stride)
         shown = low_pass(signals[angle], h, cutoff)
         if shows_speed(angle):

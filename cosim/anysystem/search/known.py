@@ -101,7 +101,6 @@ class Known:
         inside = set(model.group.components)
         self.trusted = {n: t for n, t in trust.trusted.items() if n.partition(".")[0] in inside}
         self.free = {n: v for n, v in trust.free.items() if n.partition(".")[0] in inside}
-        model.trusted = {}
         measured, fitted, windows, least = {}, {}, {}, {}
         self.spreads = {}
         for signal, _ in model.group.judged:

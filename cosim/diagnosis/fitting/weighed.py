@@ -13,13 +13,10 @@ import numpy as np
 
 from cosim.diagnosis.fitting.fit import Task
 from cosim.diagnosis.record.record import low_pass
+from cosim.diagnosis.record.torque import cutoff_for
 from cosim.inference.pieces import slope
 from fmus.contract import Effect
 
-WEIGHED_TO = 5.0  # Hz: an angle noise of 0.01 deg at 1 kHz then leaves some 10 N m of torque noise
-WEIGHED_PERIODS = (
-    20.0  # of the cutoff that a log is long at least: one move of a servo in 0.7 s is no slew of a minute
-)
 WEIGHED_AT_MOST = 0.2  # of the sampling rate
 
 
@@ -40,7 +37,7 @@ def weighed(task: Task, effect: Effect, values: dict[str, float]) -> dict[str, f
     if first != "mechanical" or component != effect.component:
         return {}
     h, cuts = model.h, model.cuts
-    cutoff = min(max(WEIGHED_TO, WEIGHED_PERIODS / (task.measured[place].size * h)), WEIGHED_AT_MOST / h)
+    cutoff = min(cutoff_for(task.measured[place].size * h), WEIGHED_AT_MOST / h)
     theta = low_pass(task.measured[place], h, cutoff, cuts)
     omega = slope(theta, h, cuts)
 

@@ -79,9 +79,8 @@ def negligible(finding: Finding, signal: str) -> float:
     # while the motion is smaller than a step, and at rest, readings may be off by the same half step
     limits = [NOTICEABLE * finding.task.rules[signal].rms, ROUNDING_SHARE * rounding(finding, signal)]
     if len(finding.chosen.effects) == 1:
-        rule, measured = finding.task.rules[signal], finding.task.measured[signal]
         # a model that runs away is wrong by more than there is to be explained
-        before = min(finding.before[signal].rms, rms(centred(rule, measured - measured.mean())))
+        before = min(finding.before[signal].rms, moves(finding, signal, finding.task.measured[signal]))
         limits.append((LEFT_BY_LINEAR if sole_form(finding) else LAW_KNOWN_TO) * before)
     return max(limits)
 
@@ -120,10 +119,15 @@ def unfollowed(finding: Finding, signal: str) -> bool:
     task, rule = finding.task, finding.task.rules[signal]
     measured, residual = task.measured[signal], finding.chosen.fit.residuals[signal]
     noise = max(noise_floor(measured, task.model.h), resolution(measured))
-    left, whole = (rms(centred(rule, x)) for x in (residual, measured - measured.mean()))
+    left, whole = rms(centred(rule, residual)), moves(finding, signal, measured)
     predicted = (task.predicted(trial.fit)[signal] for trial in (finding.chosen, finding.null))
-    made = max(rms(centred(rule, x - x.mean())) for x in predicted)
+    made = max(moves(finding, signal, x) for x in predicted)
     return min(whole, made) > MOVES_BEYOND * noise and left >= AS_A_CONSTANT * whole
+
+
+def moves(finding: Finding, signal: str, series: Array) -> float:
+    """RMS of what a constant leaves of a signal's series (n,) in its windows, SI."""
+    return rms(centred(finding.task.rules[signal], series - series.mean()))
 
 
 def local(finding: Finding, signal: str, event: Event) -> bool:
