@@ -2,6 +2,7 @@
 
 import csv
 import gc
+import itertools
 import signal
 import subprocess
 import sys
@@ -85,16 +86,18 @@ def own_memory() -> int:
 
 
 def test_memory_stays_flat_over_many_runs(toys: Any) -> None:
+    def run(times: int) -> int:
+        for _ in range(times):
+            runner.run(0.2, 0.01)
+        gc.collect()
+        return own_memory()
+
     with Runner(toys.ssp({"w": "wave", "l": "lag"}, ["w.y -> l.u"])) as runner:
-        for _ in range(200):
-            runner.run(0.2, 0.01)
-        gc.collect()
-        before = own_memory()
-        for _ in range(1000):
-            runner.run(0.2, 0.01)
-        gc.collect()
-        grown = own_memory() - before
-    assert grown < 2 << 20  # a fresh instance each run would cost some 10 MB
+        run(200)
+        taken = [run(200) for _ in range(6)]
+    # a leak grows in every window; what the system gives at once (pages made huge, a thread of another test) in one
+    grown = sorted(after - before for before, after in itertools.pairwise(taken))
+    assert grown[2] < (2 << 20) // 5, grown  # a fresh instance each run costs some 9 MB in each
 
 
 def test_all_types_can_be_set_and_wrong_ones_are_refused(toys: Any) -> None:
