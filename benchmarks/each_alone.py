@@ -74,7 +74,8 @@ def diagnosed(axis: str, log: Path, others: Iterable[Path]) -> Alone:
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         row.cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
         for cause in answer["causes"]:
-            sizes = {n: (p["value"], tuple(p["ci95"])) for n, p in cause["parameters"].items() if p["ci95"]}
+            told = cause["parameters"] | cause["top_speed"]  # of a stop what can be read off the machine
+            sizes = {n: (p["value"], tuple(p["ci95"])) for n, p in told.items() if p["ci95"]}
             row.causes[cause["effect"]] = sizes
         for other in others:
             told = cosim("compare", str(other), "--mapping", mapping, "--model", f"{folder}/extended.ssp")

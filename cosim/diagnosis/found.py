@@ -82,6 +82,7 @@ class Diagnosis:
         refused: causes that the fitting log asks for and the held-out one does not bear out.
         spans: start and end of the stretch of each log that was used, s of the log's own time.
         between: ``component.parameter`` -> what several logs say of it one by one; empty for one log.
+        top_speeds: ``component.parameter`` of a limit -> the speed at it, where the log tells that and hardly the limit.
         elsewhere: where in the rest of the log the extended model errs more.
         failed: group -> why it could not be judged although its signals were measured.
         notes: what else failed by itself and is missing.
@@ -121,6 +122,7 @@ class Diagnosis:
     linear: Fitted = field(default_factory=dict)
     spans: tuple[tuple[float, float], ...] = ()
     between: dict[str, Between] = field(default_factory=dict)
+    top_speeds: dict[str, Between] = field(default_factory=dict)
     elsewhere: list[Elsewhere] = field(default_factory=list)
     failed: dict[str, str] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)

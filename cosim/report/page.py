@@ -258,6 +258,8 @@ _NOTES = re.compile(
     r" ?\(SYSTEM [^)]*\)|the standard form of SYSTEM section \S+: |; SYSTEM section \S+"
 )  # of our own notes
 
+SPEED_AT = "speed of the drive at this limit"
+
 
 def cause_section(material: Material, cause: NamedCause, shown: Any) -> dict[str, Any]:
     """One cause: its words, parameters and pictures."""
@@ -276,6 +278,7 @@ def cause_section(material: Material, cause: NamedCause, shown: Any) -> dict[str
         )
         for name, parameter in cause.parameters.items()
     ]
+    rows += [(name, SPEED_AT, speed, interval(speed)) for name, speed in cause.top_speed.items()]
     return {
         "cause": cause,
         "title": title[0].upper() + title[1:],

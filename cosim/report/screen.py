@@ -153,7 +153,8 @@ def place(cause: NamedCause) -> str:
 def sizes(cause: NamedCause, result: Answer) -> str:
     """The numbers of a cause with their intervals, and the nominal value where one differs from nothing."""
     material = Material(result, 0.0, {}, {})
-    if len(cause.parameters) > 1 and not cause.component and (own := in_own_words(cause, material)):
+    several = len(cause.parameters) > 1 or cause.top_speed
+    if several and not cause.component and (own := in_own_words(cause, material)):
         return f"{own[1]}; intervals of 95 %"
     found = []
     for name in limits_met(cause, material):

@@ -8,7 +8,7 @@ from string import Formatter
 
 import numpy as np
 
-from cosim.diagnosis.answer.schema import Answer, DriveNumber, LogGain, NamedCause, Parameter, SignalGain
+from cosim.diagnosis.answer.schema import Answer, LogGain, NamedCause, Parameter, SignalGain
 from cosim.errors import UsageError
 from cosim.lexicon import current
 from cosim.machines.table import FULL_COMMAND
@@ -277,12 +277,10 @@ def phrase(cause: NamedCause, material: Material) -> tuple[str, str]:
 def in_own_words(cause: NamedCause, material: Material) -> tuple[str, str] | None:
     """(what is wrong, how) in an effect's own words; None where it has none for what the log tells."""
     met = limits_met(cause, material)
-    if tops := top_speeds(cause, met, material.answer):
-        noun, how = SPEEDS[cause.effect]
-        quantities = {n: Quantity(top, None) for n, top in tops.items()}
-    else:
-        noun, how = words_of(cause)
-        quantities = {n: Quantity(cause.parameters[n], nominal_of(cause, n, material)) for n in met}
+    if speeds := by_speed(cause, met):
+        return speeds
+    noun, how = words_of(cause)
+    quantities = {n: Quantity(cause.parameters[n], nominal_of(cause, n, material)) for n in met}
     if not noun or len(met) < len(cause.parameters) or not named_in(how) <= quantities.keys():
         return None
     how += "".join(text for name, text in FORMS.items() if name in quantities)
@@ -297,17 +295,13 @@ def words_of(cause: NamedCause) -> tuple[str, str]:
     return noun, how
 
 
-def top_speeds(cause: NamedCause, met: list[str], answer: Answer) -> dict[str, DriveNumber]:
-    """Limit -> the top speed that stands for it; empty where the spool is known, or the static curve lacks one.
-
-    Of a drive between whose command and speed nothing was measured the limit and the gain behind it are one number.
-    """
-    curve = answer.drive_curve
-    if curve is None or cause.effect not in SPEEDS or set(met) != {"x_min", "x_max"}:
-        return {}
-    if any(cause.parameters[n].unit != FULL_COMMAND for n in met) or len(curve.top_speed) < len(met):
-        return {}
-    return {"x_min": curve.top_speed["low"], "x_max": curve.top_speed["high"]}
+def by_speed(cause: NamedCause, met: list[str]) -> tuple[str, str] | None:
+    """(what is wrong, how) by the speeds at which a limit holds the drive; None where these are not what the log tells."""
+    if cause.effect not in SPEEDS or not cause.top_speed.keys() >= set(met):
+        return None
+    noun, both, one = SPEEDS[cause.effect]
+    told = [Quantity(cause.top_speed[n], None) for n in sorted(met, reverse=True)]
+    return noun, (both if len(told) > 1 else one).format(*told)
 
 
 def named_in(text: str) -> set[str]:

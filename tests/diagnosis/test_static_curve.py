@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cosim.diagnosis.extension.top_speed import in_place, settled, top_speeds
 from cosim.diagnosis.fitting.chain import task_for
 from cosim.diagnosis.fitting.fit import Task
 from cosim.diagnosis.fitting.trials import Trial, candidates_of, copied, starting, tried
@@ -58,6 +59,53 @@ def test_nothing_but_noise_is_left_where_a_search_from_nominal_ends_far_off(
     assert remaining(task, found) < 1.1 * NOISE
     straight = tried(copied(task), found.effects, GUESSED_TRUST, null.fit)
     assert remaining(task, straight) > 10.0 * NOISE
+
+
+def driven(level: float) -> float:
+    """Speed of the hidden drive at a constant command, far from the end of its travel, rad/s."""
+    free = {n: v for n, v in HIDDEN.items() if n != "mechanical.theta_max"}
+    angle = make_log(np.full(5000, level), settings=free | SPEED, noise=0).slew
+    return float(angle[-1] - angle[-1001])
+
+
+def test_the_speed_at_a_stop_is_that_of_the_machine(begun: tuple[Task, Trial], found: Trial) -> None:
+    """No end of the travel counts there, and its interval is that of the product, not of the stop's own place."""
+    task, _ = begun
+    (speed,) = top_speeds(task.model, found.effects, found.fit, None).values()
+    assert speed.value == pytest.approx(driven(1.0), rel=2e-3)
+    low, high = speed.ci95
+    assert low < driven(1.0) < high
+    fit = found.fit
+    relative = fit.deviations["dcv.x_max"] / fit.values["dcv.x_max"]
+    assert (high - low) / 3.92 / speed.value < 0.5 * relative
+
+
+def test_a_speed_in_the_place_of_a_stop_leaves_the_fit_as_it_is(
+    begun: tuple[Task, Trial], found: Trial
+) -> None:
+    fit, names = found.fit, list(found.fit.values)[: found.fit.covariance.shape[0]]
+    slopes = np.arange(1.0, len(names) + 1.0)
+    other = in_place(fit, "dcv.x_max", 3.0, slopes)
+    # any change of the estimates moves the residuals as it did, told in either terms
+    change = np.random.default_rng(3).standard_normal(len(names))
+    scaled = [change / [f.scales[n] for n in names] for f in (fit, other)]
+    scaled[1][names.index("dcv.x_max")] = slopes @ change / other.scales["dcv.x_max"]
+    assert fit.slopes is not None
+    assert other.slopes is not None
+    np.testing.assert_allclose(other.slopes @ scaled[1], fit.slopes @ scaled[0], rtol=1e-9, atol=1e-9)
+    assert other.deviations["dcv.x_max"] == pytest.approx(float(np.sqrt(slopes @ fit.covariance @ slopes)))
+
+
+def test_where_no_speed_lasts_none_is_told(begun: tuple[Task, Trial], found: Trial) -> None:
+    task, _ = begun
+    model = copied(task).model
+    weight = {"mechanical.tau_g": 5e4}
+    assert settled(model, 1.0, found.fit.values | {"mechanical.theta_max": 1e9}) is not None
+    model.fixed = model.fixed | weight
+    assert top_speeds(model, found.effects, found.fit, None) == {}
+    placed = copied(task).model
+    placed.group = replace(placed.group, place=True)
+    assert top_speeds(placed, found.effects, found.fit, None) == {}
 
 
 def test_what_the_log_does_not_drive_to_is_not_sought(begun: tuple[Task, Trial]) -> None:

@@ -386,27 +386,33 @@ STOP = {
 }
 
 
+def stopped(*limits):
+    """A stop of which these limits were met, with the speeds at them."""
+    tops = dict(zip(("x_min", "x_max"), curve().top_speed.values(), strict=True))
+    own = {n: STOP[n] for n in limits}
+    return friction(effect="dcv.stroke_limit", parameters=own, top_speed={n: tops[n] for n in limits})
+
+
 def test_a_stop_of_a_valve_that_nobody_measured_is_told_by_the_top_speed():
     """ "0.0013 full command" beside a gain of hundreds says nothing; "1.81 cm/s" can be read off the machine."""
-    answer = empty_answer(
-        causes=[friction(effect="dcv.stroke_limit", parameters=STOP)], drive_curve=curve(), words=SCALE
-    )
+    answer = empty_answer(causes=[stopped("x_max", "x_min")], drive_curve=curve(), words=SCALE)
     told = lines(answer, OUT)
-    assert (
-        "it is -2.05 cm/s (-2.19 to -1.91) one way and 1.81 cm/s (1.61 to 2.01) the other; intervals of 95 %"
-        in told[1]
-    )
+    both = "-2.05 cm/s (-2.19 to -1.91) one way and 1.81 cm/s (1.61 to 2.01) the other; intervals of 95 %"
+    assert f"the speed ends at {both}" in told[1]
     drive = next(line for line in told if line.startswith("Drive by itself"))
     assert "dead zone -47 (-62 to -32) and 59 (20 to 98) %" in drive
     assert "top speed -2.05 (-2.19 to -1.91) and 1.81 (1.61 to 2.01) cm/s" in drive
 
 
-@pytest.mark.parametrize("side", ["none", "low"])
-def test_without_both_top_speeds_the_stop_is_told_in_parts_of_full_command(side):
-    tops = {k: v for k, v in curve().top_speed.items() if k == side}
-    known = curve(top_speed=tops) if tops else None
+def test_of_one_stop_one_speed_is_told():
+    told = lines(empty_answer(causes=[stopped("x_min")], words=SCALE), OUT)[1]
+    assert "the speed ends at " in told
+    assert "one way" not in told
+
+
+def test_without_a_speed_that_settles_the_stop_is_told_in_parts_of_full_command():
     answer = empty_answer(
-        causes=[friction(effect="dcv.stroke_limit", parameters=STOP)], drive_curve=known, words=SCALE
+        causes=[friction(effect="dcv.stroke_limit", parameters=STOP)], drive_curve=curve(), words=SCALE
     )
     assert "% of full command" in lines(answer, OUT)[1]
 

@@ -1,7 +1,7 @@
 """The diagnosis as JSON, in the units people read."""
 
 import platform
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from importlib.metadata import version
 
 import numpy as np
@@ -45,6 +45,7 @@ from cosim.diagnosis.answer.schema import (
 from cosim.diagnosis.fitting.limits import idle
 from cosim.diagnosis.fitting.trials import declared
 from cosim.diagnosis.found import Diagnosis
+from cosim.diagnosis.held_out.between import Between
 from cosim.diagnosis.model.isolability import isolability
 from cosim.diagnosis.residuals.finding import at_first
 from cosim.diagnosis.residuals.reference import Reference, described
@@ -54,6 +55,7 @@ from cosim.inference.held_out import ratio_ci95
 from cosim.lexicon import current
 from cosim.logs import Log, listed
 from cosim.packages import project_version
+from cosim.units import is_speed
 from fmus import registry
 from fmus.contract import Variable
 
@@ -206,6 +208,7 @@ def named(diagnosis: Diagnosis, cause: Cause) -> NamedCause:
         evidence=evidence,
         rivals=rivals,
         indistinguishable_from=list(cause.indistinguishable),
+        top_speed=speeds_at(diagnosis, cause, parameters),
     )
 
 
@@ -274,6 +277,11 @@ def parameter_of(
         return Parameter(
             value=value * scale, unit=unit, ci95=((value - reach) * scale, (value + reach) * scale)
         )
+    return told_by(diagnosis, item, value, unit, scale)
+
+
+def told_by(diagnosis: Diagnosis, item: Between, value: float, unit: str, scale: float) -> Parameter:
+    """The same with what each of several logs says, in a unit of that scale."""
     ends = (item.ci95[0] * scale, item.ci95[1] * scale)
     if not diagnosis.record.cuts:  # its parts are no logs
         return Parameter(value=value * scale, unit=unit, ci95=ends)
@@ -288,6 +296,19 @@ def parameter_of(
         per_log=each,
         next_log_ci95=(item.next_ci95[0] * scale, item.next_ci95[1] * scale),
     )
+
+
+def speeds_at(diagnosis: Diagnosis, cause: Cause, limits: Iterable[str]) -> dict[str, Parameter]:
+    """Limit of a cause -> the speed at it, where that is what the log tells."""
+    found, names = {}, names_of(cause.effect)
+    for limit in limits:
+        item = diagnosis.top_speeds.get(names[limit])
+        if item is not None:
+            signal = diagnosis.findings[cause.group].task.model.group.observed[0]
+            unit, scale = shown(signal)
+            per_second = unit if is_speed(unit) else f"{unit}/s"
+            found[limit] = told_by(diagnosis, item, item.value, per_second, scale)
+    return found
 
 
 def reason(behind: float, indistinguishable: bool) -> str:

@@ -74,6 +74,8 @@ class NamedCause(Model):
     """A named cause; `component` and what follows it: where, in a system of any FMUs.
 
     `logs`: the files in which it is, where others of the same system contradict it; empty where it is in all.
+    `top_speed`: limit of the spool -> the speed at which it holds the drive, where nothing between command and motion was
+    measured: the log tells that, and hardly the limit itself.
     """
 
     effect: str
@@ -87,6 +89,7 @@ class NamedCause(Model):
     rivals: list[Rival]
     indistinguishable_from: list[str]
     logs: list[str] = []
+    top_speed: dict[str, Parameter] = {}
 
 
 class RefusedCause(Model):

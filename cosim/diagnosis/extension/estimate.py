@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from cosim.compare.metrics import rms
 from cosim.diagnosis.extension.packages import closed, write_extended
 from cosim.diagnosis.extension.together import weighed
+from cosim.diagnosis.extension.top_speed import top_speeds
 from cosim.diagnosis.fitting.fit import Fit
 from cosim.diagnosis.fitting.group_model import standing
 from cosim.diagnosis.fitting.noise import Whitener
@@ -72,7 +73,7 @@ def fit_all(
         rules |= finding.task.rules
     diagnosis.values, diagnosis.deviations, diagnosis.start = constants | near, deviations, start
     record, cuts, off = diagnosis.record, diagnosis.record.cuts, partial(off_value, findings)
-    diagnosis.between = {}
+    diagnosis.between, diagnosis.top_speeds = {}, {}
     if (diagnosis.held is not None or tolerance >= CALIBRATED_TRUST) and len(findings) == len(groups) == 1:
         (finding,) = findings.values()  # alone it can bend no other, and the free run is what will be judged
         estimate_alone(diagnosis, finding, effects, tolerance, constants)
@@ -133,9 +134,12 @@ def estimate_alone(
     ):  # what the extension is held against has its own parameters fitted as well
         diagnosis.calibrated = plain.values
 
+    fold = None
     if record.cuts or (held is None and each_in_turn(record, rule, tolerance) is not None):
         fold = fold_numbers(task.rules, record.time.size, walked, mask)
         diagnosis.between = over_logs(best, fold, partial(off_value, {"": finding}))
+    if tolerance >= CALIBRATED_TRUST:
+        diagnosis.top_speeds = top_speeds(task.model, effects, best, fold)
 
 
 def off_value(findings: Mapping[str, Finding], name: str) -> float:

@@ -1,0 +1,130 @@
+"""The speed at which a limit before the motion holds a drive: what can be read off the machine.
+
+Where nothing was measured between the command and the motion, and the numbers between them are fitted, a limit of the
+spool and the gain behind it are one number: the log tells their product, the speed, and next to nothing of either.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.diagnosis.fitting.fit import Fit
+from cosim.diagnosis.fitting.group_model import GroupModel
+from cosim.diagnosis.held_out.between import Between, over_logs
+from cosim.diagnosis.record.grid import of_piece
+from fmus.contract import Effect, Free
+
+Array = NDArray[np.float64]
+
+FIRST = 2048  # steps of the first run; doubled until the speed has settled
+LAST = 1 << 19
+SETTLED = 1e-6
+SHARE = 1e-2  # of an estimate, by which it is moved for a slope
+
+
+def top_speeds(
+    model: GroupModel, effects: tuple[Effect, ...], found: Fit, repetitions: NDArray[np.int64] | None
+) -> dict[str, Between]:
+    """``component.parameter`` of each limit that was met -> the speed there, SI, as the sensor of the motion shows it.
+
+    Args:
+        model: the group, from the command to the motion.
+        effects: the causes.
+        found: their estimates.
+        repetitions: (n,) number of the log or part to which each of its whitened values belongs; None where there are none.
+
+    Returns:
+        Nothing of a limit beyond which the speed does not stay, as of an axis that its weight or a spring brings back.
+    """
+    group = model.group
+    if not (group.commanded and group.moves) or group.place or found.slopes is None:
+        return {}
+    names = list(found.values)[: found.covariance.shape[0]]
+    told = {}
+    blocks = [block for _, block in group.stages]
+    before = group.components[: blocks.index(group.kind)]
+    limits = limits_of(effects)
+    # no speed lasts at the ends of the travel, or of what a sensor reads
+    values = {n: v for n, v in found.values.items() if n not in limits or n.partition(".")[0] in before}
+    for name, free in limits.items():
+        if name not in names or name not in values:
+            continue
+        command = float(model.drive.max() if min(free.starts) > 0.0 else model.drive.min())
+        slopes = slopes_of(model, command, values, names)
+        if slopes is None or slopes[names.index(name)] == 0.0:
+            continue
+        speed = settled(model, command, values)
+        assert speed is not None
+        told[name] = between(in_place(found, name, speed, slopes), name, repetitions)
+    return told
+
+
+def limits_of(effects: tuple[Effect, ...]) -> dict[str, Free]:
+    """``component.parameter`` -> its declaration, of all that limit a signal and not its rate."""
+    return {
+        f"{e.component}.{p}": free
+        for e in effects
+        for p, free in e.free.items()
+        if free.limits and not free.rate
+    }
+
+
+def settled(model: GroupModel, command: float, values: Mapping[str, float]) -> float | None:
+    """Speed in which a constant command ends, SI; None where it does not."""
+    signal, count, fixed = model.group.observed[0], FIRST, of_piece(model.fixed, 0)
+    while count <= LAST:
+        run = GroupModel(model.group, np.full(count, command), model.step, fixed)
+        series = run.simulate(of_piece(dict(values), 0))[signal]
+        moved = series if model.group.is_speed(signal) else np.diff(series) / model.step
+        quarters = [float(part.mean()) for part in np.array_split(moved, 4)[2:]]
+        if abs(quarters[1] - quarters[0]) <= SETTLED * abs(quarters[1]):
+            return quarters[1]
+        count *= 2
+    return None
+
+
+def slopes_of(model: GroupModel, command: float, values: dict[str, float], names: list[str]) -> Array | None:
+    """(k,) slopes of that speed in the estimates `names`; None where it does not settle."""
+    slopes = np.zeros(len(names))
+    first = settled(model, command, values)
+    if first is None:
+        return None
+    for i, name in enumerate(names):
+        if name not in values or values[name] == 0.0:
+            continue
+        moved = settled(model, command, values | {name: values[name] * (1.0 + SHARE)})
+        if moved is None:
+            return None
+        slopes[i] = (moved - first) / (SHARE * values[name])
+    return slopes
+
+
+def in_place(found: Fit, name: str, speed: float, slopes: Array) -> Fit:
+    """The same estimates with the speed in the place of the limit `name`, linear about them."""
+    assert found.slopes is not None
+    names = list(found.values)[: slopes.size]
+    at, scales = names.index(name), np.array([found.scales[n] for n in names])
+    own = found.slopes[:, at] / scales[at] / slopes[at]
+    others = found.slopes - np.outer(own, slopes * scales)
+    others[:, at] = own * abs(speed)
+    change = np.eye(slopes.size)
+    change[at] = slopes
+    covariance = change @ found.covariance @ change.T
+    return replace(
+        found,
+        values=found.values | {name: speed},
+        deviations=found.deviations | {name: float(np.sqrt(max(covariance[at, at], 0.0)))},
+        covariance=covariance,
+        slopes=others,
+        scales=found.scales | {name: abs(speed)},
+        at_bound=tuple(n for n in found.at_bound if n != name),
+    )
+
+
+def between(found: Fit, name: str, repetitions: NDArray[np.int64] | None) -> Between:
+    """An estimate over the logs, or by its own deviation where there is one only."""
+    each = {} if repetitions is None else over_logs(found, repetitions, lambda _: 0.0)
+    alone = Between(found.values[name], np.empty(0), np.empty(0), found.deviations[name] ** 2)
+    return each.get(name, alone)
