@@ -277,10 +277,10 @@ def parameter_of(
         return Parameter(
             value=value * scale, unit=unit, ci95=((value - reach) * scale, (value + reach) * scale)
         )
-    return told_by(diagnosis, item, value, unit, scale)
+    return with_logs(diagnosis, item, value, unit, scale)
 
 
-def told_by(diagnosis: Diagnosis, item: Between, value: float, unit: str, scale: float) -> Parameter:
+def with_logs(diagnosis: Diagnosis, item: Between, value: float, unit: str, scale: float) -> Parameter:
     """The same with what each of several logs says, in a unit of that scale."""
     ends = (item.ci95[0] * scale, item.ci95[1] * scale)
     if not diagnosis.record.cuts:  # its parts are no logs
@@ -307,7 +307,7 @@ def speeds_at(diagnosis: Diagnosis, cause: Cause, limits: Iterable[str]) -> dict
             signal = diagnosis.findings[cause.group].task.model.group.observed[0]
             unit, scale = shown(signal)
             per_second = unit if is_speed(unit) else f"{unit}/s"
-            found[limit] = told_by(diagnosis, item, item.value, per_second, scale)
+            found[limit] = with_logs(diagnosis, item, item.value, per_second, scale)
     return found
 
 
