@@ -182,6 +182,36 @@ def test_an_effect_whose_size_is_in_doubt_goes_before_one_that_gains_less() -> N
     assert frozenset({COULOMB.name, BACKLASH.name}) not in tried[: tried.index(frozenset({COULOMB.name}))]
 
 
+DEAD_ZONE = registry.effects()["dead_zone.mismatch"]
+
+
+@pytest.mark.parametrize(("without", "expected"), [(10.0, {DEAD_ZONE.name}), (1.0, set())])
+def test_where_the_log_does_not_tell_the_size_of_a_cause_it_may_tell_that_of_a_rival(
+    without: float, expected: set[str]
+) -> None:
+    """A small excavator's swing: Stribeck friction whose size nobody knew, or nothing, 29 deg; a dead zone has 2.7."""
+    sets = {
+        (STRIBECK, BACKLASH): (1.0, (STRIBECK.name,)),
+        (COULOMB, BACKLASH): (without, ()),
+        (BACKLASH,): (without, ()),
+        (DEAD_ZONE, BACKLASH): (2.0, (BACKLASH.name,)),  # what is unsure in it yet goes next
+        (DEAD_ZONE,): (2.0, ()),
+    }
+    tried: list[set[str]] = []
+
+    def step(effects: tuple[Effect, ...]) -> Step:
+        tried.append({e.name for e in effects})
+        error, unsure = next((v for k, v in sets.items() if {e.name for e in k} == tried[-1]), (without, ()))
+        return Step(effects, FIT, 1.0, error, unsure, np.full(24, error**2))
+
+    named = (STRIBECK, BACKLASH)
+    rival = Trial((DEAD_ZONE, BACKLASH), replace(FIT, log_likelihood=-1e3), 0)
+    finding = FakeFinding(MECHANICS.task, Trial(named, FIT, 0), {STRIBECK.name: [rival]})
+    found = balanced(finding, step(named), named, step, {})  # type: ignore[arg-type]
+    assert {e.name for e in found.effects} == expected
+    assert ({DEAD_ZONE.name, BACKLASH.name} in tried) == bool(expected), "no fit where nothing hangs on it"
+
+
 def test_a_set_that_is_sure_is_not_left_for_nothing_by_way_of_sets_that_are_not() -> None:
     """Either of two alone does as well, but with a size that nothing holds; with none the error is ten times as large."""
     sets = {

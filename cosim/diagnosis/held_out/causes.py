@@ -183,8 +183,12 @@ class Step:
 
 def least(steps: Sequence[Step]) -> Step:
     """The set that errs least on held-out data; one that is not sure, only where none is."""
-    found = [s for s in steps if s.sure] or list(steps)
-    return reduce(lambda one, other: other if other.gain_over(one).gain > 0.0 else one, found)
+    return nearest([s for s in steps if s.sure] or list(steps))
+
+
+def nearest(steps: Sequence[Step]) -> Step:
+    """The set that errs least on held-out data, sure or not."""
+    return reduce(lambda one, other: other if other.gain_over(one).gain > 0.0 else one, steps)
 
 
 Steps = dict[frozenset[tuple[str, ...]], Step]  # by name and parameters of each effect
@@ -701,7 +705,10 @@ def next_smaller(
     in_order = sorted(at.effects, key=lambda e: losses.get(e.name, 0.0))
     if not at.sure:
         first = next(e for e in in_order if e.name in at.unsure)
-        return least([step(e) for e in narrowed(finding, at.effects, first)])
+        fewer = [step(e) for e in narrowed(finding, at.effects, first)]
+        if all(at.noticeably_better(s) for s in fewer):
+            fewer += [step(e) for e in exchanged(finding, at.effects, first)]
+        return nearest(fewer)  # what is unsure in it yet goes next
     worse = []
     for effect in in_order:
         for effects in narrowed(finding, at.effects, effect):
@@ -719,6 +726,15 @@ def narrowed(finding: Finding, effects: tuple[Effect, ...], effect: Effect) -> l
     rest = tuple(e for e in effects if e != effect)
     less = [e for e in simpler(finding, effect) if e.name not in {r.name for r in rest}]
     return [rest, *((*rest, e) for e in less)]
+
+
+def exchanged(finding: Finding, effects: tuple[Effect, ...], effect: Effect) -> list[tuple[Effect, ...]]:
+    """The sets with one of the closest rivals in the place of an effect whose size the log does not tell: it may tell theirs."""
+    rest = tuple(e for e in effects if e != effect)
+    closest = sorted(finding.rivals.get(effect.name, ()), key=lambda t: -t.score)
+    others = dict.fromkeys(e for t in closest for e in t.effects if e not in finding.chosen.effects)
+    apart = [e for e in others if not any(e == r or holds(e, r) or holds(r, e) for r in (*rest, effect))]
+    return [(*rest, e) for e in apart[:RIVALS_HELD_OUT]]
 
 
 def widened(finding: Finding, effects: tuple[Effect, ...], effect: Effect) -> tuple[Effect, ...]:
