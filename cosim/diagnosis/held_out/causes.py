@@ -729,7 +729,7 @@ def narrowed(finding: Finding, effects: tuple[Effect, ...], effect: Effect) -> l
 
 
 def exchanged(finding: Finding, effects: tuple[Effect, ...], effect: Effect) -> list[tuple[Effect, ...]]:
-    """The sets with one of the closest rivals in the place of an effect: of its size the log may tell what it does not here."""
+    """The sets with one of the closest rivals in the place of an effect: of that the log may tell the size."""
     rest = tuple(e for e in effects if e != effect)
     closest = sorted(finding.rivals.get(effect.name, ()), key=lambda t: -t.score)
     others = dict.fromkeys(e for t in closest for e in t.effects if e not in finding.chosen.effects)
