@@ -531,6 +531,13 @@ RIVALS_HELD_OUT: Annotated[
     "each takes a fit",
     "not measured by itself",
 ] = 3
+LEAST_SPREAD: Annotated[
+    float,
+    "share of the mean variance",
+    "variance of a log, or a quarter of one, by which its error counts at least",
+    "where a reading stands still an error over its variance is without bound, and one such quarter would decide",
+    "20 logs of a small excavator: a quarter of 0.03 counts, one at a supply's end does not decide",
+] = 0.1
 FREE_RUN_PARTS: Annotated[
     int,
     "parts",

@@ -18,10 +18,10 @@ from fmus.contract import Effect, Free
 
 Array = NDArray[np.float64]
 
-FIRST = 2048  # steps of the first run; doubled until the speed has settled
-LAST = 1 << 19
-SETTLED = 1e-6
-SHARE = 1e-2  # of an estimate, by which it is moved for a slope
+STEPS_AT_FIRST = 2048  # steps of the first run; doubled until the speed has settled
+STEPS_AT_MOST = 1 << 19
+STEADY_TO = 1e-6
+MOVED_BY = 1e-2  # of an estimate, by which it is moved for a slope
 
 
 def top_speeds(
@@ -73,13 +73,13 @@ def limits_of(effects: tuple[Effect, ...]) -> dict[str, Free]:
 
 def settled(model: GroupModel, command: float, values: Mapping[str, float]) -> float | None:
     """Speed in which a constant command ends, SI; None where it does not."""
-    signal, count, fixed = model.group.observed[0], FIRST, of_piece(model.fixed, 0)
-    while count <= LAST:
+    signal, count, fixed = model.group.observed[0], STEPS_AT_FIRST, of_piece(model.fixed, 0)
+    while count <= STEPS_AT_MOST:
         run = GroupModel(model.group, np.full(count, command), model.step, fixed)
         series = run.simulate(of_piece(dict(values), 0))[signal]
         moved = series if model.group.is_speed(signal) else np.diff(series) / model.step
         quarters = [float(part.mean()) for part in np.array_split(moved, 4)[2:]]
-        if abs(quarters[1] - quarters[0]) <= SETTLED * abs(quarters[1]):
+        if abs(quarters[1] - quarters[0]) <= STEADY_TO * abs(quarters[1]):
             return quarters[1]
         count *= 2
     return None
@@ -94,10 +94,10 @@ def slopes_of(model: GroupModel, command: float, values: dict[str, float], names
     for i, name in enumerate(names):
         if name not in values or values[name] == 0.0:
             continue
-        moved = settled(model, command, values | {name: values[name] * (1.0 + SHARE)})
+        moved = settled(model, command, values | {name: values[name] * (1.0 + MOVED_BY)})
         if moved is None:
             return None
-        slopes[i] = (moved - first) / (SHARE * values[name])
+        slopes[i] = (moved - first) / (MOVED_BY * values[name])
     return slopes
 
 

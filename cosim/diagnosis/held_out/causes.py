@@ -40,6 +40,7 @@ from cosim.diagnosis.thresholds import (
     CANCELLING,
     HOPELESS,
     INDISTINGUISHABLE,
+    LEAST_SPREAD,
     NESTED,
     RIVALS_HELD_OUT,
     SURE_SIZE,
@@ -305,7 +306,7 @@ def stepper(
         placed, course = model.group.integrates and not anew, None
         if held.in_turn:
             each = left_out_errors(finding, effects, fit_, signal, tolerance, anew)
-            spread = spreads(finding.task.measured[signal], rule, len(each))
+            spread = spreads(finding.task.measured[signal], rule)
             # each log counts as much; few logs are cut into as many parts as make an interval
             count = -(-FEWEST_PARTS // len(each))
             own = [parts_of(e, rule, True, fewest=count) if anew else mean_squares(e, count) for e in each]
@@ -337,15 +338,11 @@ def stepper(
     return step
 
 
-def spreads(reading: Array, rule: Whitener, folds: int) -> list[float]:
-    """Variance by which the error of each fold counts: of each log its own, as each counts as much.
-
-    Quarters of one log are one run: all have the whole log's, and so has a log in which nothing moves.
-    """
-    whole = max(float(np.var(reading)), 1e-300)
-    if not rule.cuts:
-        return [whole] * folds
-    return [float(np.var(part)) or whole for part in np.split(reading, rule.cuts)]
+def spreads(reading: Array, rule: Whitener) -> list[float]:
+    """Variance by which the error of each fold counts: its own, so each says as much; more where hardly anything moves."""
+    own = [float(np.var(part)) for part in np.split(reading, fold_cuts(rule, reading.size))]
+    least_spread = max(LEAST_SPREAD * float(np.mean(own)), 1e-300)
+    return [max(variance, least_spread) for variance in own]
 
 
 def errs(finding: Finding, fit_: Fit, held: Held, signal: str) -> tuple[Array, Array | None]:
