@@ -702,10 +702,10 @@ def next_smaller(
     in_order = sorted(at.effects, key=lambda e: losses.get(e.name, 0.0))
     if not at.sure:
         first = next(e for e in in_order if e.name in at.unsure)
-        fewer = [step(e) for e in narrowed(finding, at.effects, first)]
-        if all(at.noticeably_better(s) for s in fewer):
-            fewer += [step(e) for e in exchanged(finding, at.effects, first)]
-        return nearest(fewer)  # what is unsure in it yet goes next
+        instead = [step(e) for e in narrowed(finding, at.effects, first)]
+        if all(at.noticeably_better(s) for s in instead):
+            instead += [step(e) for e in exchanged(finding, at.effects, first)]
+        return nearest(instead)  # what is unsure in it yet goes next
     worse = []
     for effect in in_order:
         for effects in narrowed(finding, at.effects, effect):
