@@ -270,9 +270,8 @@ def read(row: Row, answer: dict[str, Any]) -> None:
             row.extended = answer["linear"][name]["rmse_extended"]
         break
     for cause in answer["causes"]:
-        row.causes[cause["effect"]] = {
-            name: f"{p['value']:.3g} {p['unit']}" for name, p in cause["parameters"].items()
-        }
+        told = cause["parameters"] | cause["top_speed"]  # of a stop what can be read off the machine
+        row.causes[cause["effect"]] = {name: f"{p['value']:.3g} {p['unit']}" for name, p in told.items()}
         row.alike += cause["indistinguishable_from"]
     row.refused = [r["effect"] for r in answer["refused"]]
     row.unexplained = [r["what"] for r in answer["unexplained"]]
