@@ -48,7 +48,10 @@ def answer(before: float, after: float, linear: float, causes: tuple[str, ...] =
             "verdict": "partly_explained",
             "gain": {"slew": gain},
             "linear": {"slew": {"rmse": linear, "rmse_extended": after}},
-            "causes": [{"effect": c, "parameters": size, "indistinguishable_from": []} for c in causes],
+            "causes": [
+                {"effect": c, "parameters": size, "top_speed": {}, "indistinguishable_from": []}
+                for c in causes
+            ],
             "refused": [],
             "unexplained": [{"what": rest}] if rest else [],
             "warnings": [],
