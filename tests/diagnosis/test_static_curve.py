@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cosim.diagnosis.extension.top_speed import in_place, settled, top_speeds
+from cosim.diagnosis.extension.top_speed import in_place, settled, slopes_of, top_speeds
 from cosim.diagnosis.fitting.chain import task_for
 from cosim.diagnosis.fitting.fit import Task
 from cosim.diagnosis.fitting.trials import Trial, candidates_of, copied, starting, tried
@@ -78,6 +78,20 @@ def test_the_speed_at_a_stop_is_that_of_the_machine(begun: tuple[Task, Trial], f
     fit = found.fit
     relative = fit.deviations["dcv.x_max"] / fit.values["dcv.x_max"]
     assert (high - low) / 3.92 / speed.value < 0.5 * relative
+
+
+def test_what_a_stop_and_a_damping_have_in_common_does_not_change_the_speed(
+    begun: tuple[Task, Trial], found: Trial
+) -> None:
+    """Where only their ratio is known, errors of either a hundred times its size must cancel."""
+    task, _ = begun
+    values = {n: v for n, v in found.fit.values.items() if n != "mechanical.theta_max"}
+    names = ["mechanical.b", "dcv.x_max"]
+    slopes = slopes_of(task.model, 1.0, values, names)
+    assert slopes is not None
+    shares = slopes * [values[n] for n in names] / driven(1.0)
+    assert shares == pytest.approx([-1.0, 1.0], rel=5e-3)
+    assert shares.sum() == pytest.approx(0.0, abs=1e-4)
 
 
 def test_a_speed_in_the_place_of_a_stop_leaves_the_fit_as_it_is(

@@ -95,9 +95,10 @@ def slopes_of(model: GroupModel, command: float, values: dict[str, float], names
         if name not in values or values[name] == 0.0:
             continue
         moved = settled(model, command, values | {name: values[name] * (1.0 + MOVED_BY)})
-        if moved is None:
+        if moved is None or moved * first <= 0.0:
             return None
-        slopes[i] = (moved - first) / (MOVED_BY * values[name])
+        # by ratios: a speed is a product of gains and limits, whose errors all but cancel where only that is known
+        slopes[i] = first / values[name] * np.log(moved / first) / np.log1p(MOVED_BY)
     return slopes
 
 
