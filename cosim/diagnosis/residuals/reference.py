@@ -6,6 +6,7 @@ them would only stand in for these.
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -395,7 +396,18 @@ def with_gains_of(model: LinearModel, data: Data) -> LinearModel:
     Of poles as quick as the samples coarser data show the sum only: gains that cancel there do not between these.
     """
     solved = data.solved(model.sections, data.rows(data.y[None])[0])
-    return replace(model, gains=solved.gains, rest=data.rest)
+    lower = tuple(with_gains_of(one, data) for one in model.lower)
+    return replace(model, gains=solved.gains, rest=data.rest, lower=lower)
+
+
+def least_left(model: LinearModel, judge: Callable[[LinearModel], Array]) -> tuple[LinearModel, Array]:
+    """The linear model, or the one of lower order, that leaves least of the data that judge, and what it leaves there.
+
+    Blocks of a short log that are left out in turn may ask for poles that run off on other data. What is told of a linear
+    model is a bar, which is as high as the best of no more poles sets it.
+    """
+    each = [(one, judge(one)) for one in (model, *reversed(model.lower))]
+    return min(each, key=lambda pair: float(pair[1].mean()))
 
 
 def free_run(
@@ -455,8 +467,10 @@ def across(
     for signal in (s for s in signals if s in held.signals and s in after):
         error, begins = (held.signals[signal] - after[signal])[first:], signal in anew
         parts = max(1, round(error.size / window), 0 if begins else enough_parts(error))
-        model = fitted_to(record, drive, signal, fitted)
-        left = free_run(model, held, first, drive, signal, parts, begins)
+        judge = partial(
+            free_run, held=held, first=first, drive=drive, signal=signal, parts=parts, anew=begins
+        )
+        model, left = least_left(fitted_to(record, drive, signal, fitted), judge)
         ours = begun_anew(error, parts, begins, cuts)
         found[signal] = Reference(model, left, ours)
     return found
@@ -492,12 +506,16 @@ def of_whole(
         return {}
     for signal in signals:
         u, y = record.signals[drive], record.signals[signal]
-        model = fitted_to(record, drive, signal, fitted, window)
         fine = evened(u, y, record.time, record.h, numbers, record.h)
         own = evened(u, y - after[signal], record.time, record.h, numbers, record.h)
+        judges = (fine.window >= 0) & held[np.maximum(fine.window, 0)]
+
+        def judge(model: LinearModel, of: Uniform = fine, at: NDArray[np.bool_] = judges) -> Array:
+            return np.asarray((of.y - model.predicted(of.u, record.h))[at] ** 2)
+
+        model, _ = least_left(fitted_to(record, drive, signal, fitted, window), judge)
         errors = (fine.y - model.predicted(fine.u, record.h), own.y)
-        inside = fine.window >= 0
-        parts = finer(np.where(inside & held[np.maximum(fine.window, 0)], fine.window, -1), errors)
+        parts = finer(np.where(judges, fine.window, -1), errors)
         left, ours = (mean_squares(e, parts, False) for e in errors)
         found[signal] = Reference(model, left, ours)
     return found
@@ -521,12 +539,19 @@ def in_turn(
     """
     found, folds = {}, each_left_out(record)
     for signal in signals:
-        models, left, ours = [], [], []
+        models, ours = [], []
         for (others, own), error in zip(folds, np.split(errors[signal], record.cuts), strict=True):
             parts = max(1, round(error.size / window))
-            models.append(fitted_to(others, drive, signal, {}))
-            left.append(free_run(models[-1], own, 0, drive, signal, parts))
+            model = fitted_to(others, drive, signal, {})
+            each = {m.order: (m, free_run(m, own, 0, drive, signal, parts)) for m in (*model.lower, model)}
+            models.append(each)
             ours.append(mean_squares(error, parted(error.size, 0, parts), False))
-        middle = sorted(models, key=lambda m: m.order)[len(models) // 2]  # of which the words are
-        found[signal] = Reference(middle, np.concatenate(left), np.concatenate(ours))
+        # of one order at most in all of them, as in `least_left`
+        bars = [
+            [each[max(k for k in each if k <= most)] for each in models]
+            for most in range(max(map(min, models)), max(map(max, models)) + 1)
+        ]
+        best = min(bars, key=lambda bar: float(np.concatenate([left for _, left in bar]).mean()))
+        middle = sorted((m for m, _ in best), key=lambda m: m.order)[len(best) // 2]  # of which the words are
+        found[signal] = Reference(middle, np.concatenate([left for _, left in best]), np.concatenate(ours))
     return found
