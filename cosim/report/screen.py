@@ -8,7 +8,6 @@ from pathlib import Path
 
 from cosim.console import stdout_console, table, typed
 from cosim.diagnosis.answer.schema import ITSELF, ONE_WAY, Answer, NamedCause, Parameter
-from cosim.diagnosis.thresholds import AS_WELL
 from cosim.diagnosis.verdict import FREE_CURVE
 from cosim.errors import CosimError
 from cosim.lexicon import speaking
@@ -257,9 +256,8 @@ def better(result: Answer) -> Iterator[str]:
     elif signal in result.linear:
         linear = result.linear[signal]
         text += f"; a linear model leaves {two_digits(linear.rmse)}{unit}"
-        ahead = linear.ci95_of_ratio[0] > 1.0 and linear.rmse_extended >= AS_WELL * linear.rmse
         curve = any(FREE_CURVE in rest.what for rest in result.unexplained)
-        if result.verdict != "explained" and ahead and not curve:
+        if result.verdict != "explained" and linear.ahead and not curve:
             text += ": linear dynamics are missing"
     yield f"{'Better' if falls else 'Not better'}: {text}"
     if sentence := odd_sentence(gain):

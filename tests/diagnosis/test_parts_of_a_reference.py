@@ -13,6 +13,7 @@ from cosim.diagnosis.record.record import Record, joined
 from cosim.diagnosis.residuals import reference as module
 from cosim.diagnosis.residuals.freeform import Leftover
 from cosim.diagnosis.residuals.reference import (
+    Reference,
     across,
     enough_parts,
     finer,
@@ -111,6 +112,17 @@ def test_a_linear_model_is_a_bar_as_high_as_one_of_fewer_poles_sets_it(
     for found in (whole["slew"], beside["slew"], turns["slew"]):
         assert found.model.order == 1
         assert found.error < 0.02
+        assert found.evidence.error > 1.0
+
+
+@pytest.mark.parametrize(
+    ("linear", "unseen", "ahead"), [(0.49, None, True), (0.9999, None, False), (0.49, 0.9999, False)]
+)
+def test_a_model_is_behind_what_was_chosen_unseen_and_by_what_counts(linear, unseen, ahead) -> None:
+    """A servo drive's 0.3393 against 0.3394 rad/s was surely better, and "linear dynamics are missing"."""
+    ours = np.linspace(1.0, 1.1, 12)
+    known = None if unseen is None else unseen * ours
+    assert Reference(SimpleNamespace(), linear * ours, ours, unseen=known).ahead == ahead
 
 
 def test_gains_that_cancel_between_quick_poles_are_those_of_the_log_s_own_samples(

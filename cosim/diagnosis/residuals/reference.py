@@ -48,12 +48,26 @@ class Reference:
         ours: (windows,) the same of the model, SI.
         span: s of a window of the fitted log itself, in which both are judged, without its mean where the group integrates;
             0 where they run freely over data held out.
+        unseen: (windows,) mean square of the error of the model whose order the data that judge had no part in, SI, where
+            the reference is one of fewer poles that they prefer: a bar, and no evidence.
     """
 
     model: LinearModel = field(repr=False)
     squares: Array = field(repr=False)
     ours: Array = field(repr=False)
     span: float = 0.0
+    unseen: Array | None = field(default=None, repr=False)
+
+    @property
+    def evidence(self) -> "Reference":
+        """The reference of which the data that judge knew nothing."""
+        return self if self.unseen is None else replace(self, squares=self.unseen, unseen=None)
+
+    @property
+    def ahead(self) -> bool:
+        """True if the model surely errs more than a linear one, and by so much that anybody would mind."""
+        one = self.evidence
+        return ratio_ci95(one.ours, one.squares)[0] > 1.0 and one.ours_error >= AS_WELL * one.error
 
     @property
     def error(self) -> float:
@@ -400,14 +414,13 @@ def with_gains_of(model: LinearModel, data: Data) -> LinearModel:
     return replace(model, gains=solved.gains, rest=data.rest, lower=lower)
 
 
-def least_left(model: LinearModel, judge: Callable[[LinearModel], Array]) -> tuple[LinearModel, Array]:
-    """The linear model, or the one of lower order, that leaves least of the data that judge, and what it leaves there.
+def least_left(model: LinearModel, judge: Callable[[LinearModel], Array]) -> LinearModel:
+    """The linear model, or the one of lower order, that leaves least of the data that judge.
 
     Blocks of a short log that are left out in turn may ask for poles that run off on other data. What is told of a linear
     model is a bar, which is as high as the best of no more poles sets it.
     """
-    each = [(one, judge(one)) for one in (model, *reversed(model.lower))]
-    return min(each, key=lambda pair: float(pair[1].mean()))
+    return min((model, *reversed(model.lower)), key=lambda one: float(judge(one).mean()))
 
 
 def free_run(
@@ -470,9 +483,12 @@ def across(
         judge = partial(
             free_run, held=held, first=first, drive=drive, signal=signal, parts=parts, anew=begins
         )
-        model, left = least_left(fitted_to(record, drive, signal, fitted), judge)
+        chosen = fitted_to(record, drive, signal, fitted)
+        model = least_left(chosen, judge)
         ours = begun_anew(error, parts, begins, cuts)
-        found[signal] = Reference(model, left, ours)
+        found[signal] = Reference(
+            model, judge(model), ours, unseen=None if model is chosen else judge(chosen)
+        )
     return found
 
 
@@ -513,11 +529,12 @@ def of_whole(
         def judge(model: LinearModel, of: Uniform = fine, at: NDArray[np.bool_] = judges) -> Array:
             return np.asarray((of.y - model.predicted(of.u, record.h))[at] ** 2)
 
-        model, _ = least_left(fitted_to(record, drive, signal, fitted, window), judge)
-        errors = (fine.y - model.predicted(fine.u, record.h), own.y)
-        parts = finer(np.where(judges, fine.window, -1), errors)
-        left, ours = (mean_squares(e, parts, False) for e in errors)
-        found[signal] = Reference(model, left, ours)
+        chosen = fitted_to(record, drive, signal, fitted, window)
+        model = least_left(chosen, judge)
+        errors = [fine.y - m.predicted(fine.u, record.h) for m in (model, chosen)]
+        parts = finer(np.where(judges, fine.window, -1), (errors[1], own.y))
+        left, unseen, ours = (mean_squares(e, parts, False) for e in (*errors, own.y))
+        found[signal] = Reference(model, left, ours, unseen=None if model is chosen else unseen)
     return found
 
 
@@ -553,5 +570,6 @@ def in_turn(
         ]
         best = min(bars, key=lambda bar: float(np.concatenate([left for _, left in bar]).mean()))
         middle = sorted((m for m, _ in best), key=lambda m: m.order)[len(best) // 2]  # of which the words are
-        found[signal] = Reference(middle, np.concatenate([left for _, left in best]), np.concatenate(ours))
+        left, unseen = (np.concatenate([left for _, left in bar]) for bar in (best, bars[-1]))
+        found[signal] = Reference(middle, left, np.concatenate(ours), unseen=unseen)
     return found
