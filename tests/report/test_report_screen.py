@@ -275,6 +275,16 @@ def test_the_report_is_named_where_there_is_one(tmp_path):
     assert f"Report: {tmp_path / 'report.html'}" in lines(empty_answer(), tmp_path)
 
 
+def test_tables_speak_of_the_machine_at_hand_and_of_no_tracker(capsys):
+    words = Words(blocks={"dcv": "driver", "mechanical": "axis"})
+    never = ["dcv.delay", "mechanical.compliance", "tracker.clock"]
+    show(empty_answer(words=words, not_exercised=never), OUT, True)
+    said = " ".join(capsys.readouterr().out.split())
+    assert "mechanical.compliance" in said
+    for word in ("boom", "of the valve", "tracker"):
+        assert word not in said
+
+
 @pytest.mark.parametrize("verbose", [False, True])
 def test_tables_only_where_they_are_asked_for(verbose, capsys):
     answer = empty_answer(causes=[friction()], gain={"slew": GAIN}, linear={"slew": LINEAR})

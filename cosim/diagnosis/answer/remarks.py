@@ -65,7 +65,7 @@ def notes(diagnosis: Diagnosis, logs: Sequence[Log]) -> list[str]:
         way = (
             f"{drive} on straight lines from stamp to stamp"
             if grid.lines
-            else f"{drive} held from stamp to stamp (if it changes in between, the valve seems early: `held = false` in a "
+            else f"{drive} held from stamp to stamp (if it changes in between, the machine seems early: `held = false` in a "
             "mapping file draws straight lines)"
         )
         found.append(
