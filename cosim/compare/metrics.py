@@ -1,6 +1,7 @@
 """How far a simulated signal is from a measured one, and how far the measurement's own noise reaches."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -122,7 +123,7 @@ def without_offsets(error: Array, time: Array, window: float = WINDOW) -> Array:
     return np.concatenate([part - part.mean() for part in np.array_split(error, min(count, len(error)))])
 
 
-def noise_floor(values: Array, step: float) -> float:
+def noise_floor(values: Array, step: float, cuts: Sequence[int] = ()) -> float:
     """Standard deviation of the noise of a measured signal (n,), in its unit.
 
     Spread about a cubic in windows of `NOISE_WINDOW` (a tenth of a log that is short), taken where the signal is quietest,
@@ -133,8 +134,9 @@ def noise_floor(values: Array, step: float) -> float:
     Args:
         values: as measured, one every `step` s.
         step: [s].
+        cuts: first sample of each log but the first, where several are behind one another.
     """
-    rounding = resolution(values) / math.sqrt(12.0)
+    rounding = resolution(values, cuts) / math.sqrt(12.0)
     values, every = fresh(values)
     size = max(min(round(NOISE_WINDOW / (every * step)), len(values) // NOISE_WINDOWS), NOISE_SAMPLES)
     if len(values) < size:
@@ -215,8 +217,15 @@ def white_noise(values: Array) -> float:
     return float(np.median(np.abs(np.diff(values, 4)))) / (0.6745 * np.sqrt(70.0))
 
 
-def resolution(values: Array) -> float:
-    """Smallest difference between two values of a signal, larger than rounding of the numbers themselves."""
+def resolution(values: Array, cuts: Sequence[int] = ()) -> float:
+    """Smallest difference between two values of a signal, larger than rounding of the numbers themselves.
+
+    Of several logs behind one another (`cuts`: first sample of each but the first) that within one: logs that were zeroed
+    each by itself have the same steps, and not the same levels.
+    """
+    if len(cuts):
+        each = [resolution(part) for part in np.split(values, list(cuts))]
+        return min((step for step in each if step > 0.0), default=0.0)
     levels = np.diff(np.unique(values))
     levels = levels[levels > 1e-9 * max(float(np.ptp(values)), float(np.abs(values).max()) * 1e-3)]
     return float(levels.min()) if len(levels) else 0.0

@@ -1,13 +1,12 @@
 """What a diagnosis has found so far; it grows stage by stage, so that an interruption leaves what was done."""
 
 from dataclasses import dataclass, field
-from math import sqrt
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.compare.metrics import noise_floor, resolution
+from cosim.compare.metrics import noise_floor
 from cosim.diagnosis.budget import Budget
 from cosim.diagnosis.held_out.between import Between
 from cosim.diagnosis.held_out.causes import Held, Refused
@@ -143,7 +142,7 @@ class Diagnosis:
             for s in floors.keys() & self.after.keys():
                 measured = self.record.signals[s]
                 left = noise_floor(measured - self.after[s], self.record.h)
-                floors[s] = min(floors[s], max(left, resolution(measured) / sqrt(12.0)))
+                floors[s] = min(floors[s], max(left, self.record.rounding(s)))
         for s in floors.keys() & self.gains.keys():
             if 0.0 < self.gains[s].after < LESS_THAN_NOISE * floors[s]:
                 floors[s] = self.gains[s].after

@@ -9,7 +9,7 @@ left-out blocks best (`cosim.inference.held_out`).
 
 import cmath
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from itertools import pairwise, product
 
@@ -112,6 +112,7 @@ class LinearModel:
         residuals: (values,) what it leaves, weighed.
         left_out: (values,) the same of each block with an estimate from the others.
         rest: of each record whether it begins at rest.
+        lower: the models of lower order, that the data were fitted with first.
     """
 
     sections: Sections
@@ -121,6 +122,7 @@ class LinearModel:
     residuals: Array = field(repr=False)
     left_out: Array = field(repr=False)
     rest: Rest = ()
+    lower: "tuple[LinearModel, ...]" = field(default=(), repr=False)
 
     @property
     def order(self) -> int:
@@ -517,7 +519,7 @@ def reference(data: Data, highest: int = HIGHEST_ORDER) -> LinearModel:
             best, missed = model, 0
         if missed == 2:
             break
-    return best
+    return replace(best, lower=tuple(m for m in found if m.order < best.order))
 
 
 def scale_of(model: LinearModel) -> float:

@@ -38,6 +38,7 @@ _INPUT = (
     r"|\b(motor|anker|armature) ?(spannung|volt)|\besc\b|\bservo\b(?!.*(current|strom|volt|spannung))"
 )
 # what a drive is fed with
+_VOLTAGE = r"volt|spannung"
 _FED = r"\bpsu\b|batter|\bvbat\b|\bvin\b|\bvcc\b|(supply|input|bus|link|versorgungs|zwischenkreis) ?(volt|spannung)"
 # what was asked for, not what was measured
 _REFERENCE = r"\bref\b|referen|\btarget\b|\bgoal\b|\bsoll|desired|commanded|\bdes$|demand|\bset\b|gewenst"
@@ -899,7 +900,8 @@ def _correlation(a: Array, b: Array) -> float:
 def _guess(signal: str, column: Column, why: str) -> Guess:
     """A guess with unit and scale."""
     largest = float(np.max(np.abs(column.finite)))
-    raw = column.unit not in ("1", "%") if column.unit is not None else largest > 105.0
+    named = bool(re.search(_VOLTAGE, plain(column.label.short)))  # its name is as good as its unit
+    raw = column.unit not in ("1", "%") if column.unit is not None else named or largest > 105.0
     if signal == "u" and raw:
         gain = float(f"{1.0 / largest:.4g}") if largest else 1.0
         return Guess(signal, column, "1", gain, why, check=True)

@@ -8,7 +8,6 @@ from pathlib import Path
 
 from cosim.console import stdout_console, table, typed
 from cosim.diagnosis.answer.schema import ITSELF, ONE_WAY, Answer, NamedCause, Parameter
-from cosim.diagnosis.thresholds import AS_WELL
 from cosim.diagnosis.verdict import FREE_CURVE
 from cosim.errors import CosimError
 from cosim.lexicon import speaking
@@ -66,8 +65,9 @@ def show(result: Answer, out: Path, verbose: bool = False, driven: str = "") -> 
     """
     output = stdout_console()
     if verbose:
-        for found in tables(result):
-            output.print(found)
+        with speaking(lexicon_of(result)):
+            for found in tables(result):
+                output.print(found)
     for line in lines(result, out, driven):
         output.print(line, markup=False, soft_wrap=True)
 
@@ -220,11 +220,15 @@ def sure(result: Answer) -> Iterator[str]:
         own = f"{cause.component}.{cause.parameter}" if cause.parameter else called(cause.effect)
         name = f" of {own}" if len(result.causes) > 1 else ""
         yield f"How sure{name}: {'; '.join(told)}"
-    # without a tracker nobody expects to hear of its faults
-    never = [effect for effect in result.not_exercised if not effect.startswith("tracker.")]
+    never = not_shown(result)
     if result.verdict == "adequate" and never and not result.at_rest:
         shown = listed([in_words(e) for e in never[:MOST_NAMES]])
         yield f"How sure: this log would not surely have shown {shown}{_more(never)}"
+
+
+def not_shown(result: Answer) -> list[str]:
+    """Effects that the log could not have shown; without a tracker nobody expects to hear of its faults."""
+    return [effect for effect in result.not_exercised if not effect.startswith("tracker.")]
 
 
 def _clause(why: str) -> str:
@@ -258,9 +262,8 @@ def better(result: Answer) -> Iterator[str]:
     elif signal in result.linear:
         linear = result.linear[signal]
         text += f"; a linear model leaves {two_digits(linear.rmse)}{unit}"
-        ahead = linear.ci95_of_ratio[0] > 1.0 and linear.rmse_extended >= AS_WELL * linear.rmse
         curve = any(FREE_CURVE in rest.what for rest in result.unexplained)
-        if result.verdict != "explained" and ahead and not curve:
+        if result.verdict != "explained" and linear.ahead and not curve:
             text += ": linear dynamics are missing"
     yield f"{'Better' if falls else 'Not better'}: {text}"
     if sentence := odd_sentence(gain):
@@ -367,5 +370,5 @@ def tables(result: Answer) -> Iterator[object]:
         )
     if result.helpful_signals:
         yield table("Further signals", ["what they would add"], [(text,) for text in result.helpful_signals])
-    if result.not_exercised:
-        yield table("Not shown by this log", ["effect"], [(known_as(e),) for e in result.not_exercised])
+    if never := not_shown(result):
+        yield table("Not shown by this log", ["effect"], [(known_as(e),) for e in never])

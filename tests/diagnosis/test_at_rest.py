@@ -10,6 +10,7 @@ from cosim.diagnosis.at_rest import nothing_moves
 from cosim.diagnosis.labels import contradictions
 from cosim.diagnosis.model.machine import our_machine
 from cosim.diagnosis.pipeline.diagnose import diagnose, prepare
+from cosim.diagnosis.record.record import Record
 from cosim.logs import Log
 from cosim.report.deliver import delivered
 from cosim.report.screen import lines
@@ -60,6 +61,21 @@ def test_a_command_that_never_moves_while_the_machine_does_is_told() -> None:
 def test_a_machine_that_creeps_is_not_at_rest() -> None:
     log = commanded(0.0, "dcv.offset:x_0=0.3 mm")
     assert not nothing_moves(prepare(log, MACHINE), MACHINE)
+
+
+@pytest.mark.parametrize(
+    ("torque", "swing", "still"), [(0.8, 4e-4, False), (0.0, 4e-4, False), (0.0, 0.0, True)]
+)
+def test_the_crane_s_range_does_not_tell_whether_another_machine_moves(torque, swing, still) -> None:
+    # a joint that 0.8 N m turn by hundredths of a degree, held by its friction: an angle of the crane would be still
+    time = 0.015 * np.arange(600)
+    noise = 1e-6 * np.random.default_rng(2).standard_normal(600)
+    signals = {"torque": torque * np.sin(3.0 * time), "slew": 0.3 + swing * np.sin(3.0 * time) + noise}
+    joint = replace(
+        MACHINE, name="joint", signals={"torque": MACHINE.signals["u"]}, groups=MACHINE.groups[-1:]
+    )
+    joint = replace(joint, groups=(replace(joint.groups[0], drive="torque"),))
+    assert nothing_moves(Record(0.015, signals), joint) == still
 
 
 def test_nothing_is_named_and_what_to_excite_is_said(tmp_path) -> None:

@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 from hidden_logs import diagnosed
 
+from cosim.compare.metrics import noise_floor, resolution
 from cosim.diagnosis import found as module
 from cosim.diagnosis.held_out.gain import Gain
 from cosim.diagnosis.model.options import Options
+from cosim.diagnosis.record.record import Record, joined
+from cosim.diagnosis.record.signatures import coarse_steps
 from cosim.diagnosis.verdict.verdict import floor_of
 
 DEG = np.pi / 180.0
@@ -72,9 +75,22 @@ def test_no_noise_is_less_than_rounding_where_a_linear_model_and_the_machine_bot
         findings={"mechanical": finding},
         in_place=object(),
         after={"speed": measured + np.concatenate([np.sin(np.arange(500)), np.zeros(500)])},
-        record=SimpleNamespace(signals={"speed": measured}, h=1e-3),
+        record=Record(1e-3, {"speed": measured}),
         gains={},
     )
     monkeypatch.setattr(module, "floor_of", lambda finding, signal: 3.0)
     floors = vars(module.Diagnosis)["noise"].fget(found)
     assert floors["speed"] == pytest.approx(0.23 / np.sqrt(12.0))
+
+
+def test_logs_that_were_zeroed_each_by_itself_have_the_steps_of_their_converter() -> None:
+    """Two runs of a trolley in steps of 2.4 mm, each from its own place: "the sensor's noise is 1.4e-07 m"."""
+    step, way = 0.0024, np.cumsum(np.full(4000, 3.1e-4))
+    first, second = (step * np.round((way + off) / step) - off for off in (0.0, 0.7137 * step))
+    both, cuts = np.concatenate([first, second]), (first.size,)
+    assert resolution(both) < 0.5 * step, "levels of one log lie between those of the other"
+    assert resolution(both, cuts) == pytest.approx(step)
+    assert noise_floor(both, 1e-3, cuts) >= 0.99 * step / np.sqrt(12.0)
+    assert coarse_steps({"travel": both}, cuts) == pytest.approx({"travel": step}, rel=1e-3)
+    record = joined([Record(1e-3, {"travel": y}) for y in (first, second)])
+    assert record.rounding("travel") == pytest.approx(step / np.sqrt(12.0))

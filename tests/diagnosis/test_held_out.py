@@ -606,3 +606,17 @@ def test_a_stop_of_an_unseen_spool_may_be_a_pressure_that_ends_at_its_supply(sup
     said = at_supply(diagnosis)
     assert len(said) == (not supply and level < 1.0), "a pressure that rests at no end ends at none"
     assert all("between -200 and 190 bar" in one for one in said)
+
+
+@pytest.mark.parametrize(("astray", "gains"), [(-3.6e6, 1000.0), (400.0, 500.0)])
+def test_an_effect_gains_no_more_than_all_do_wherever_a_quick_fit_of_the_others_ends(
+    monkeypatch, astray: float, gains: float
+) -> None:
+    """A motor of which a shifted neutral "gains 3571838 in log-likelihood", and the error fell by two per cent."""
+
+    def fitted(likelihood: float) -> SimpleNamespace:
+        return SimpleNamespace(fit=SimpleNamespace(log_likelihood=likelihood))
+
+    monkeypatch.setattr(held_out, "without", lambda *args: fitted(astray))
+    finding = SimpleNamespace(task=None, chosen=fitted(900.0), null=fitted(-100.0))
+    assert held_out.loss(finding, COULOMB, 0.01) == gains

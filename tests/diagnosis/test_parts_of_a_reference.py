@@ -1,5 +1,6 @@
 """How finely held-out data are cut and sampled beside a linear reference."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,7 +12,16 @@ from cosim.diagnosis.fitting.chain import window_of
 from cosim.diagnosis.record.record import Record, joined
 from cosim.diagnosis.residuals import reference as module
 from cosim.diagnosis.residuals.freeform import Leftover
-from cosim.diagnosis.residuals.reference import across, enough_parts, finer, fitted_to, in_turn, quickest
+from cosim.diagnosis.residuals.reference import (
+    Reference,
+    across,
+    enough_parts,
+    finer,
+    fitted_to,
+    in_turn,
+    of_whole,
+    quickest,
+)
 from cosim.diagnosis.thresholds import REFERENCE_PARTS, REFERENCE_WINDOWS
 from cosim.diagnosis.verdict import FREE_CURVE
 from cosim.diagnosis.verdict.verdict import missing_curve
@@ -80,6 +90,39 @@ def test_of_several_logs_the_reference_predicts_each_from_the_others() -> None:
     assert second == pytest.approx(0.25 * moved[1], rel=0.3)
     assert found.ours_error == pytest.approx(0.1 * float(np.sqrt(np.mean(y**2))), rel=1e-3)
     assert found.model.order == 1
+
+
+def test_a_linear_model_is_a_bar_as_high_as_one_of_fewer_poles_sets_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A sensor of light in three levels: order 5, "a linear model leaves 570" of a range of 88; a constant gain left 12."""
+
+    def wild(data: Data) -> LinearModel:
+        models = [
+            model_of(data, s, data.rows(data.y[None])[0]) for s in (Sections((1.0,)), Sections((1.0, 0.1)))
+        ]
+        return replace(models[1], gains=models[1].gains + 3.0, lower=(models[0],))
+
+    monkeypatch.setattr(module, "reference", wild)
+    log, other = lagging(0, 1.0), lagging(1, 1.0)
+    after = {"slew": np.zeros(2000)}
+    whole = of_whole(log, "u", ["slew"], after, 200, {})
+    beside = across(log, other, 0, "u", ["slew"], after, 200, (), {})
+    turns = in_turn(joined([log, other]), "u", ["slew"], {"slew": np.zeros(4000)}, 200)
+    for found in (whole["slew"], beside["slew"], turns["slew"]):
+        assert found.model.order == 1
+        assert found.error < 0.02
+        assert found.evidence.error > 1.0
+
+
+@pytest.mark.parametrize(
+    ("linear", "unseen", "ahead"), [(0.49, None, True), (0.9999, None, False), (0.49, 0.9999, False)]
+)
+def test_a_model_is_behind_what_was_chosen_unseen_and_by_what_counts(linear, unseen, ahead) -> None:
+    """A servo drive's 0.3393 against 0.3394 rad/s was surely better, and "linear dynamics are missing"."""
+    ours = np.linspace(1.0, 1.1, 12)
+    known = None if unseen is None else unseen * ours
+    assert Reference(SimpleNamespace(), linear * ours, ours, unseen=known).ahead == ahead
 
 
 def test_gains_that_cancel_between_quick_poles_are_those_of_the_log_s_own_samples(

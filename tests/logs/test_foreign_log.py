@@ -462,6 +462,17 @@ def test_the_command_of_a_motor_is_what_its_motion_follows(heading, found, write
     assert {name: g.column.label.name for name, g in made.items()} == found
 
 
+@pytest.mark.parametrize(("name", "unit"), [("voltage", "1"), ("Spannung", "1"), ("u", "%")])
+def test_a_voltage_without_a_unit_is_no_per_cent(name, unit, write):
+    time, command, speed = motor()
+    command = command / np.abs(command).max() * 4.66
+    made = guesses(
+        overview(write(f"t,{name},rpm\n{rows(np.column_stack([time, command, speed]))}")), machine=True
+    )
+    assert made["u"].unit == unit
+    assert made["u"].gain == pytest.approx(1.0 if unit == "%" else 1.0 / 4.66, rel=1e-3)
+
+
 def test_the_motion_of_a_motor_is_what_follows_its_command(write):
     time, command, speed = motor()
     noise = np.random.default_rng(4).normal(size=time.size)

@@ -209,7 +209,7 @@ def test_a_language_that_is_not_there_is_refused(command, diagnosed, tmp_path):
 def test_how_an_uneven_log_was_taken_is_said_in_german():
     german = catalogue("de")
     for way in (
-        "u held from stamp to stamp (if it changes in between, the valve seems early: `held = false` in a mapping file "
+        "u held from stamp to stamp (if it changes in between, the machine seems early: `held = false` in a mapping file "
         "draws straight lines)",
         "u on straight lines from stamp to stamp",
     ):

@@ -372,6 +372,7 @@ def linear(signal: str, item: Reference) -> LinearReference:
         rmse_extended=item.ours_error * scale,
         unit=unit,
         ci95_of_ratio=ratio_ci95(item.ours, item.squares),
+        ahead=item.ahead,
     )
 
 

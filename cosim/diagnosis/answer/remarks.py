@@ -65,7 +65,7 @@ def notes(diagnosis: Diagnosis, logs: Sequence[Log]) -> list[str]:
         way = (
             f"{drive} on straight lines from stamp to stamp"
             if grid.lines
-            else f"{drive} held from stamp to stamp (if it changes in between, the valve seems early: `held = false` in a "
+            else f"{drive} held from stamp to stamp (if it changes in between, the machine seems early: `held = false` in a "
             "mapping file draws straight lines)"
         )
         found.append(
@@ -446,13 +446,12 @@ def limits(diagnosis: Diagnosis, logs: Sequence[Log]) -> list[str]:
         )
     found += advice(diagnosis)
     for signal, linear in diagnosis.references.items():
-        low, high = ratio_ci95(linear.ours, linear.squares)
+        _, high = ratio_ci95(linear.ours, linear.squares)
         # a wide interval alone says nothing
         as_good = high > 1.0 and linear.error < AS_WELL * linear.ours_error
         if (diagnosis.rests or diagnosis.verdict == "partly_explained") and as_good:
             unit, scale = shown(signal)
-            clearly = low > 1.0 and linear.ours_error >= AS_WELL * linear.error
-            how = "better than" if clearly else "no clearly worse than"
+            how = "better than" if linear.ahead else "no clearly worse than"
             other = "the blocks in whose place it stands" if diagnosis.in_place else "the extended model"
             found.append(
                 f"on data held out a linear model ({linear.words}) predicts {signal} {how} {other}: "

@@ -173,6 +173,7 @@ class Calibration(Model):
 class LinearReference(Model):
     """A linear model of free order from the command to a signal, on the same held-out data as the extended model.
 
+    The best of its order or less: a bar. `ahead` rests on the order that these data had no part in.
     `poles` in 1/s, real and imaginary part; `rmse_extended` is the extended model's error in the same windows.
     """
 
@@ -184,6 +185,7 @@ class LinearReference(Model):
     rmse_extended: float
     unit: str
     ci95_of_ratio: tuple[float, float]  # of the extended model's error over the linear one's
+    ahead: bool = False  # surely better than the extended model: linear dynamics are missing
 
 
 class MissingFunction(Model):

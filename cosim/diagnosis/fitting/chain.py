@@ -146,7 +146,7 @@ def task_for(group: Group, record: Record, known: list[Known]) -> Task:
     }
     rules = {s: plain(bins, window, not absolute[s], skip, record.cuts) for s in observed}
     measured, lost = observed_of(group, record)
-    task = Task(model, measured, rules, steps=coarse_steps(measured), lost=lost)
+    task = Task(model, measured, rules, steps=coarse_steps(measured, record.cuts), lost=lost)
     # signals of one log are in step to a part of a sample only: converters take turns, a simulator advances block by block;
     # the first row is the timing's place
     task.late = SKEW * min(record.h, SKEW_INTERVAL) * float(np.sqrt(len(known) + 1))

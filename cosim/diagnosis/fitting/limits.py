@@ -103,7 +103,9 @@ def passed(
         past = max(given_way, farthest - side * limit - given_way) - GIVES_WAY * float(np.ptp(own))
         if past <= 0.0:  # so are most: the noise need not be known
             continue
-        noise = noise_floor(readings[signal], task.model.h) * (np.sqrt(2.0) / interval if free.rate else 1.0)
+        noise = noise_floor(readings[signal], task.model.h, cuts) * (
+            np.sqrt(2.0) / interval if free.rate else 1.0
+        )
         if past > noise * norm.isf(PASSED_BY_CHANCE / other.size):
             beyond.append(Passed(signal, float(limit), float(side * max(fitted, farthest)), free.rate, name))
     return beyond

@@ -107,7 +107,7 @@ def fitted_chain(
         lost |= stale
     # here the absolute angle counts: the command carries no noise that could drift
     absolute = {s: whole_run(r) for s, r in rules.items()}
-    task = Task(model, measured, absolute, mask=mask, steps=coarse_steps(measured), lost=lost)
+    task = Task(model, measured, absolute, mask=mask, steps=coarse_steps(measured, record.cuts), lost=lost)
     wanted, _ = unknowns(model, effects, tolerance)
     placed = anchored(wanted, near)
     for name, value in ((n, v) for n, v in fixed.items() if plain_name(n).endswith(".theta_0")):

@@ -267,9 +267,13 @@ def borne(at: Step, effect: Effect, step: Callable[[tuple[Effect, ...]], Step]) 
 
 
 def loss(finding: Finding, effect: Effect, tolerance: float) -> float:
-    """Log-likelihood of the fitting log that a chosen effect gains beside the others."""
+    """Log-likelihood of the fitting log that a chosen effect gains beside the others.
+
+    No more than all gain together: the others explain no less than the model without any, wherever a quick fit of them ends.
+    """
     fewer = without(finding.task, finding.chosen, effect, finding.null, tolerance, quickly(tolerance))
-    return finding.chosen.fit.log_likelihood - fewer.fit.log_likelihood
+    least = max(fewer.fit.log_likelihood, finding.null.fit.log_likelihood)
+    return finding.chosen.fit.log_likelihood - least
 
 
 def stepper(

@@ -598,7 +598,8 @@ def outdone_by_linear(
         steps: signal -> step of its readings where that is coarser than their noise, SI.
     """
     unsure = {s: max(own, steps.get(s, 0.0)) for s, own in noise.items()}
-    return any(r.ours_error**2 - r.error**2 > unsure[s] ** 2 for s, r in references.items() if s in unsure)
+    judged = {s: r.evidence for s, r in references.items() if s in unsure}
+    return any(r.ours_error**2 - r.error**2 > unsure[s] ** 2 for s, r in judged.items())
 
 
 def verdict_of(named: list[Cause], left: list[Rest]) -> str:

@@ -104,7 +104,7 @@ class Record:
 
     def rounding(self, name: str) -> float:
         """Standard deviation that rounding to a signal's resolution leaves, SI: no error below it counts."""
-        return resolution(self.signals[name]) / float(np.sqrt(12.0))
+        return resolution(self.signals[name], self.cuts) / float(np.sqrt(12.0))
 
     def smooth(self, name: str, cutoff: float = 5.0) -> Array:
         """A signal without what lies above `cutoff` Hz, no phase shift."""

@@ -28,6 +28,7 @@ from cosim.diagnosis.thresholds import (
     SURE_REPEATS,
 )
 from cosim.inference.held_out import HeldOutGain
+from cosim.inference.pieces import Cuts
 from cosim.inference.thresholds import COMPUTED, OWN_NOISE
 
 Array = NDArray[np.float64]
@@ -99,9 +100,13 @@ def coarse_step(values: Array) -> float:
     return step if step > COARSE * sharpness(values) else 0.0
 
 
-def coarse_steps(signals: Mapping[str, Array]) -> dict[str, float]:
-    """Signal -> that step, of the signals whose readings (n,) lie on such a grid, in their unit."""
-    return {name: step for name, values in signals.items() if (step := coarse_step(values))}
+def coarse_steps(signals: Mapping[str, Array], cuts: Cuts = ()) -> dict[str, float]:
+    """Signal -> that step, of the signals whose readings (n,) lie on such a grid, in their unit.
+
+    Of several logs behind one another each has a grid of its own: logs are zeroed each by itself.
+    """
+    each = {name: [coarse_step(part) for part in np.split(values, cuts)] for name, values in signals.items()}
+    return {name: min(filter(None, steps)) for name, steps in each.items() if any(steps)}
 
 
 def stale_share(values: Array, rate: Array) -> tuple[float, float, float]:

@@ -6,6 +6,7 @@ them would only stand in for these.
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,12 +48,26 @@ class Reference:
         ours: (windows,) the same of the model, SI.
         span: s of a window of the fitted log itself, in which both are judged, without its mean where the group integrates;
             0 where they run freely over data held out.
+        unseen: (windows,) mean square of the error of the model whose order the data that judge had no part in, SI, where
+            the reference is one of fewer poles that they prefer: a bar, and no evidence.
     """
 
     model: LinearModel = field(repr=False)
     squares: Array = field(repr=False)
     ours: Array = field(repr=False)
     span: float = 0.0
+    unseen: Array | None = field(default=None, repr=False)
+
+    @property
+    def evidence(self) -> "Reference":
+        """The reference of which the data that judge knew nothing."""
+        return self if self.unseen is None else replace(self, squares=self.unseen, unseen=None)
+
+    @property
+    def ahead(self) -> bool:
+        """True if the model surely errs more than a linear one, and by so much that anybody would mind."""
+        one = self.evidence
+        return ratio_ci95(one.ours, one.squares)[0] > 1.0 and one.ours_error >= AS_WELL * one.error
 
     @property
     def error(self) -> float:
@@ -395,7 +410,17 @@ def with_gains_of(model: LinearModel, data: Data) -> LinearModel:
     Of poles as quick as the samples coarser data show the sum only: gains that cancel there do not between these.
     """
     solved = data.solved(model.sections, data.rows(data.y[None])[0])
-    return replace(model, gains=solved.gains, rest=data.rest)
+    lower = tuple(with_gains_of(one, data) for one in model.lower)
+    return replace(model, gains=solved.gains, rest=data.rest, lower=lower)
+
+
+def least_left(model: LinearModel, judge: Callable[[LinearModel], Array]) -> LinearModel:
+    """The linear model, or the one of lower order, that leaves least of the data that judge.
+
+    Blocks of a short log that are left out in turn may ask for poles that run off on other data. What is told of a linear
+    model is a bar, which is as high as the best of no more poles sets it.
+    """
+    return min((model, *reversed(model.lower)), key=lambda one: float(judge(one).mean()))
 
 
 def free_run(
@@ -455,10 +480,15 @@ def across(
     for signal in (s for s in signals if s in held.signals and s in after):
         error, begins = (held.signals[signal] - after[signal])[first:], signal in anew
         parts = max(1, round(error.size / window), 0 if begins else enough_parts(error))
-        model = fitted_to(record, drive, signal, fitted)
-        left = free_run(model, held, first, drive, signal, parts, begins)
+        judge = partial(
+            free_run, held=held, first=first, drive=drive, signal=signal, parts=parts, anew=begins
+        )
+        chosen = fitted_to(record, drive, signal, fitted)
+        model = least_left(chosen, judge)
         ours = begun_anew(error, parts, begins, cuts)
-        found[signal] = Reference(model, left, ours)
+        found[signal] = Reference(
+            model, judge(model), ours, unseen=None if model is chosen else judge(chosen)
+        )
     return found
 
 
@@ -492,14 +522,19 @@ def of_whole(
         return {}
     for signal in signals:
         u, y = record.signals[drive], record.signals[signal]
-        model = fitted_to(record, drive, signal, fitted, window)
         fine = evened(u, y, record.time, record.h, numbers, record.h)
         own = evened(u, y - after[signal], record.time, record.h, numbers, record.h)
-        errors = (fine.y - model.predicted(fine.u, record.h), own.y)
-        inside = fine.window >= 0
-        parts = finer(np.where(inside & held[np.maximum(fine.window, 0)], fine.window, -1), errors)
-        left, ours = (mean_squares(e, parts, False) for e in errors)
-        found[signal] = Reference(model, left, ours)
+        judges = (fine.window >= 0) & held[np.maximum(fine.window, 0)]
+
+        def judge(model: LinearModel, of: Uniform = fine, at: NDArray[np.bool_] = judges) -> Array:
+            return np.asarray((of.y - model.predicted(of.u, record.h))[at] ** 2)
+
+        chosen = fitted_to(record, drive, signal, fitted, window)
+        model = least_left(chosen, judge)
+        errors = [fine.y - m.predicted(fine.u, record.h) for m in (model, chosen)]
+        parts = finer(np.where(judges, fine.window, -1), (errors[1], own.y))
+        left, unseen, ours = (mean_squares(e, parts, False) for e in (*errors, own.y))
+        found[signal] = Reference(model, left, ours, unseen=None if model is chosen else unseen)
     return found
 
 
@@ -521,12 +556,20 @@ def in_turn(
     """
     found, folds = {}, each_left_out(record)
     for signal in signals:
-        models, left, ours = [], [], []
+        models, ours = [], []
         for (others, own), error in zip(folds, np.split(errors[signal], record.cuts), strict=True):
             parts = max(1, round(error.size / window))
-            models.append(fitted_to(others, drive, signal, {}))
-            left.append(free_run(models[-1], own, 0, drive, signal, parts))
+            model = fitted_to(others, drive, signal, {})
+            each = {m.order: (m, free_run(m, own, 0, drive, signal, parts)) for m in (*model.lower, model)}
+            models.append(each)
             ours.append(mean_squares(error, parted(error.size, 0, parts), False))
-        middle = sorted(models, key=lambda m: m.order)[len(models) // 2]  # of which the words are
-        found[signal] = Reference(middle, np.concatenate(left), np.concatenate(ours))
+        # of one order at most in all of them, as in `least_left`
+        bars = [
+            [each[max(k for k in each if k <= most)] for each in models]
+            for most in range(max(map(min, models)), max(map(max, models)) + 1)
+        ]
+        best = min(bars, key=lambda bar: float(np.concatenate([left for _, left in bar]).mean()))
+        middle = sorted((m for m, _ in best), key=lambda m: m.order)[len(best) // 2]  # of which the words are
+        left, unseen = (np.concatenate([left for _, left in bar]) for bar in (best, bars[-1]))
+        found[signal] = Reference(middle, left, np.concatenate(ours), unseen=unseen)
     return found

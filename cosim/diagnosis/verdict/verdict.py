@@ -118,7 +118,8 @@ def unfollowed(finding: Finding, signal: str) -> bool:
     """
     task, rule = finding.task, finding.task.rules[signal]
     measured, residual = task.measured[signal], finding.chosen.fit.residuals[signal]
-    noise = max(noise_floor(measured, task.model.h), resolution(measured))
+    cuts = task.model.cuts
+    noise = max(noise_floor(measured, task.model.h, cuts), resolution(measured, cuts))
     left, whole = rms(centred(rule, residual)), moves(finding, signal, measured)
     predicted = (task.predicted(trial.fit)[signal] for trial in (finding.chosen, finding.null))
     made = max(moves(finding, signal, x) for x in predicted)
@@ -420,8 +421,11 @@ def floor_of(finding: Finding, signal: str) -> float:
     parts = after_start(finding, signal)
     step = max(rounding(finding, signal), task.steps.get(signal, 0.0))
     if not adequate(finding):
-        found = (noise_floor(x, task.model.h) for x in (task.measured[signal], np.concatenate(parts)))
-        return float(max(min(found), max(step, resolution(task.measured[signal])) / np.sqrt(12.0)))
+        measured, cuts = task.measured[signal], task.model.cuts
+        found = min(
+            noise_floor(measured, task.model.h, cuts), noise_floor(np.concatenate(parts), task.model.h)
+        )
+        return float(max(found, max(step, resolution(measured, cuts)) / np.sqrt(12.0)))
     rows = np.concatenate([own[: own.size // rule.bins * rule.bins].reshape(-1, rule.bins) for own in parts])
     between = np.mean((rows - rows.mean(axis=1, keepdims=True)) ** 2)
     return float(np.sqrt(rule.rms**2 + between + step**2 / 12.0))
