@@ -22,7 +22,7 @@ def found(measured, residual):
     task = SimpleNamespace(
         rules={"speed": rule},
         measured={"speed": measured},
-        model=SimpleNamespace(h=0.02, group=group),
+        model=SimpleNamespace(h=0.02, cuts=(), group=group),
         predicted=lambda fit: {"speed": measured - residual},
     )
     chosen = SimpleNamespace(fit=SimpleNamespace(residuals={"speed": residual}))

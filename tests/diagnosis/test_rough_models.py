@@ -87,7 +87,7 @@ def left_over(speed: np.ndarray, left: np.ndarray) -> SimpleNamespace:
     task = SimpleNamespace(
         rules={"speed": SimpleNamespace(skip=0, cuts=())},
         measured={"speed": speed},
-        model=SimpleNamespace(h=H, group=SimpleNamespace(reading="slew")),
+        model=SimpleNamespace(h=H, cuts=(), group=SimpleNamespace(reading="slew")),
         steps={},
     )
     fit = SimpleNamespace(residuals={"speed": left})
