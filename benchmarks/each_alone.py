@@ -24,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.real_logs import AXES, DATA, MAPPINGS, TOP, pairs
+from benchmarks.real_logs import AXES, DATA, MAPPINGS, TOP, pairs, sizes_of
 
 Size = tuple[float, tuple[float, float]]  # value and 95 % interval, in the answer's unit
 
@@ -74,8 +74,7 @@ def diagnosed(axis: str, log: Path, others: Iterable[Path]) -> Alone:
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         row.cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
         for cause in answer["causes"]:
-            told = cause["parameters"] | cause["top_speed"]  # of a stop what can be read off the machine
-            sizes = {n: (p["value"], tuple(p["ci95"])) for n, p in told.items() if p["ci95"]}
+            sizes = {n: (p["value"], tuple(p["ci95"])) for n, p in sizes_of(cause).items() if p["ci95"]}
             row.causes[cause["effect"]] = sizes
         for other in others:
             told = cosim("compare", str(other), "--mapping", mapping, "--model", f"{folder}/extended.ssp")

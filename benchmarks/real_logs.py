@@ -260,6 +260,11 @@ def run(
     return row
 
 
+def sizes_of(cause: dict[str, Any]) -> dict[str, Any]:
+    """Parameter -> its size, of a stop the speed at it, which can be read off the machine."""
+    return dict(cause["parameters"] | cause["top_speed"])
+
+
 def read(row: Row, answer: dict[str, Any]) -> None:
     """Put an answer into its row."""
     row.verdict = answer["verdict"]
@@ -270,8 +275,7 @@ def read(row: Row, answer: dict[str, Any]) -> None:
             row.extended = answer["linear"][name]["rmse_extended"]
         break
     for cause in answer["causes"]:
-        told = cause["parameters"] | cause["top_speed"]  # of a stop what can be read off the machine
-        row.causes[cause["effect"]] = {name: f"{p['value']:.3g} {p['unit']}" for name, p in told.items()}
+        row.causes[cause["effect"]] = {n: f"{p['value']:.3g} {p['unit']}" for n, p in sizes_of(cause).items()}
         row.alike += cause["indistinguishable_from"]
     row.refused = [r["effect"] for r in answer["refused"]]
     row.unexplained = [r["what"] for r in answer["unexplained"]]

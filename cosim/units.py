@@ -202,3 +202,8 @@ def same_kind(one: str, other: str) -> bool:
 def is_speed(unit: str) -> bool:
     """True if a signal of this unit is a speed, of an angle, a length or a volume (a flow)."""
     return any(same_kind(unit, s) for s in ("rad/s", "m/s", "m3/s"))
+
+
+def of_speed(unit: str) -> str:
+    """The unit of the speed of a place that is told in a unit; of a speed its own."""
+    return unit if is_speed(unit) else f"{unit}/s"

@@ -14,7 +14,7 @@ from cosim.identify.drive_curve import OF_ITS_OWN, DriveCurve, Estimate, drive_c
 from cosim.identify.drive_fit import Run
 from cosim.identify.drive_held_out import Predicted, predicted
 from cosim.logs import Log, Mapping
-from cosim.units import factor, is_speed
+from cosim.units import factor, is_speed, of_speed
 
 Array = NDArray[np.float64]
 
@@ -81,8 +81,7 @@ def told_of(log: Log, mapping: Mapping | None, command: str, motion: str) -> Tol
         )
     shown = {n: log.display[n] for n in (command, motion)}
     scales = {n: factor(log.units[n], unit) for n, unit in shown.items()}
-    speed = shown[motion] if is_speed(log.units[motion]) else f"{shown[motion]}/s"
-    found = Told(command, motion, shown[command], speed, scales[command], scales[motion])
+    found = Told(command, motion, shown[command], of_speed(shown[motion]), scales[command], scales[motion])
     column = mapping.signals.get(command) if mapping is not None else None
     if column is None or isinstance(column.gain, str):
         return found

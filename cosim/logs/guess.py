@@ -37,8 +37,8 @@ _INPUT = (
     r"|\bthrottle\b(?! ?(angle|position|pos)\b)|\bsteering\b(?!.*(angle|rate|torque|wheel))"
     r"|\b(motor|anker|armature) ?(spannung|volt)|\besc\b|\bservo\b(?!.*(current|strom|volt|spannung))"
 )
-# what a drive is fed with
 _VOLTAGE = r"volt|spannung"
+# what a drive is fed with
 _FED = r"\bpsu\b|batter|\bvbat\b|\bvin\b|\bvcc\b|(supply|input|bus|link|versorgungs|zwischenkreis) ?(volt|spannung)"
 # what was asked for, not what was measured
 _REFERENCE = r"\bref\b|referen|\btarget\b|\bgoal\b|\bsoll|desired|commanded|\bdes$|demand|\bset\b|gewenst"

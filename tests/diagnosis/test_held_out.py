@@ -47,7 +47,9 @@ STOP = registry.effects()["mechanical.end_stop"]
 CRACKING = registry.effects()["continuity.cracking_pressure"]
 # all that is asked of a finding here is which candidates there are
 MECHANICS = SimpleNamespace(
-    task=SimpleNamespace(model=SimpleNamespace(group=MODELS["full_order"][2])), rivals={}
+    task=SimpleNamespace(model=SimpleNamespace(group=MODELS["full_order"][2])),
+    rivals={},
+    chosen=SimpleNamespace(effects=()),
 )
 FIT = Fit({}, {}, 0.0, 0, {}, np.empty((0, 0)))
 

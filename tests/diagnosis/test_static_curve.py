@@ -87,7 +87,9 @@ def test_what_a_stop_and_a_damping_have_in_common_does_not_change_the_speed(
     task, _ = begun
     values = {n: v for n, v in found.fit.values.items() if n != "mechanical.theta_max"}
     names = ["mechanical.b", "dcv.x_max"]
-    slopes = slopes_of(task.model, 1.0, values, names)
+    speed = settled(task.model, 1.0, values)
+    assert speed is not None
+    slopes = slopes_of(task.model, 1.0, values, names, speed)
     assert slopes is not None
     shares = slopes * [values[n] for n in names] / driven(1.0)
     assert shares == pytest.approx([-1.0, 1.0], rel=5e-3)

@@ -55,7 +55,7 @@ from cosim.inference.held_out import ratio_ci95
 from cosim.lexicon import current
 from cosim.logs import Log, listed
 from cosim.packages import project_version
-from cosim.units import is_speed
+from cosim.units import of_speed
 from fmus import registry
 from fmus.contract import Variable
 
@@ -306,8 +306,7 @@ def speeds_at(diagnosis: Diagnosis, cause: Cause, limits: Iterable[str]) -> dict
         if item is not None:
             signal = diagnosis.findings[cause.group].task.model.group.observed[0]
             unit, scale = shown(signal)
-            per_second = unit if is_speed(unit) else f"{unit}/s"
-            found[limit] = with_logs(diagnosis, item, item.value, per_second, scale)
+            found[limit] = with_logs(diagnosis, item, item.value, of_speed(unit), scale)
     return found
 
 

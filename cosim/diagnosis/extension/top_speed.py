@@ -52,11 +52,10 @@ def top_speeds(
         if name not in names or name not in values:
             continue
         command = float(model.drive.max() if min(free.starts) > 0.0 else model.drive.min())
-        slopes = slopes_of(model, command, values, names)
-        if slopes is None or slopes[names.index(name)] == 0.0:
-            continue
         speed = settled(model, command, values)
-        assert speed is not None
+        slopes = None if speed is None else slopes_of(model, command, values, names, speed)
+        if speed is None or slopes is None or slopes[names.index(name)] == 0.0:
+            continue
         told[name] = between(in_place(found, name, speed, slopes), name, repetitions)
     return told
 
@@ -85,20 +84,19 @@ def settled(model: GroupModel, command: float, values: Mapping[str, float]) -> f
     return None
 
 
-def slopes_of(model: GroupModel, command: float, values: dict[str, float], names: list[str]) -> Array | None:
-    """(k,) slopes of that speed in the estimates `names`; None where it does not settle."""
+def slopes_of(
+    model: GroupModel, command: float, values: dict[str, float], names: list[str], speed: float
+) -> Array | None:
+    """(k,) slopes of that `speed` in the estimates `names`; None where with another it does not settle."""
     slopes = np.zeros(len(names))
-    first = settled(model, command, values)
-    if first is None:
-        return None
     for i, name in enumerate(names):
         if name not in values or values[name] == 0.0:
             continue
         moved = settled(model, command, values | {name: values[name] * (1.0 + MOVED_BY)})
-        if moved is None or moved * first <= 0.0:
+        if moved is None or moved * speed <= 0.0:
             return None
         # by ratios: a speed is a product of gains and limits, whose errors all but cancel where only that is known
-        slopes[i] = first / values[name] * np.log(moved / first) / np.log1p(MOVED_BY)
+        slopes[i] = speed / values[name] * np.log(moved / speed) / np.log1p(MOVED_BY)
     return slopes
 
 

@@ -272,8 +272,8 @@ def loss(finding: Finding, effect: Effect, tolerance: float) -> float:
     No more than all gain together: the others explain no less than the model without any, wherever a quick fit of them ends.
     """
     fewer = without(finding.task, finding.chosen, effect, finding.null, tolerance, quickly(tolerance))
-    least = max(fewer.fit.log_likelihood, finding.null.fit.log_likelihood)
-    return finding.chosen.fit.log_likelihood - least
+    poorer = max(fewer.fit.log_likelihood, finding.null.fit.log_likelihood)
+    return finding.chosen.fit.log_likelihood - poorer
 
 
 def stepper(
@@ -523,10 +523,9 @@ def reconsider(
             for r in refused
             if r.effect not in chosen.effects and effect not in simpler(finding, r.effect)
         ]
-        closest = sorted(listed.get(effect.name, ()), key=lambda t: -t.score)
-        beside = [new for t in closest if len(new := [e for e in t.effects if e not in chosen.effects]) == 1]
+        beside = closest(listed.get(effect.name, ()), chosen)
         able = [e for e in turned_down if not hopeless(finding, effect, e, tolerance)]
-        others = dict.fromkeys([*able, *(new for (new,) in beside[:RIVALS_HELD_OUT])])
+        others = dict.fromkeys([*able, *beside[:RIVALS_HELD_OUT]])
         instead: dict[Effect, Step] = {}
         for other in (
             e for e in others if e not in rest and not any(holds(e, r) or holds(r, e) for r in rest)
@@ -560,7 +559,7 @@ def reconsider(
             for e, s in instead.items()
             if e in as_well and best.clearly_better(s)
         ]
-        known = {e.name for (e,) in beside}
+        known = {e.name for e in beside}
         sets = [(*rest, e) for e in undecided if e.name not in known]
         found = tried_all(finding.task, sets, tolerance, chosen.fit)
         listed[cause.name] = [*listed.get(effect.name, ()), *found]
@@ -579,6 +578,14 @@ def reconsider(
         kept = {e.name: borne(after, e, step) for e in after.effects}
         finding = replace(finding, held_squares=after.squares, borne=kept)
     return replace(finding, rivals=listed, undecided=told), taken, worse
+
+
+def closest(rivals: Iterable[Trial], chosen: Trial) -> list[Effect]:
+    """What rivals have in the place of one of the chosen effects, the closest first."""
+    beside = [
+        [e for e in t.effects if e not in chosen.effects] for t in sorted(rivals, key=lambda t: -t.score)
+    ]
+    return [new[0] for new in beside if len(new) == 1]
 
 
 def may_stand(other: Effect, instead: Step, bare: Step, at: Step) -> bool:
@@ -732,8 +739,7 @@ def narrowed(finding: Finding, effects: tuple[Effect, ...], effect: Effect) -> l
 def exchanged(finding: Finding, effects: tuple[Effect, ...], effect: Effect) -> list[tuple[Effect, ...]]:
     """The sets with one of the closest rivals in the place of an effect: of that the log may tell the size."""
     rest = tuple(e for e in effects if e != effect)
-    closest = sorted(finding.rivals.get(effect.name, ()), key=lambda t: -t.score)
-    others = dict.fromkeys(e for t in closest for e in t.effects if e not in finding.chosen.effects)
+    others = dict.fromkeys(closest(finding.rivals.get(effect.name, ()), finding.chosen))
     apart = [e for e in others if not any(e == r or holds(e, r) or holds(r, e) for r in (*rest, effect))]
     return [(*rest, e) for e in apart[:RIVALS_HELD_OUT]]
 

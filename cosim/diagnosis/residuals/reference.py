@@ -414,13 +414,20 @@ def with_gains_of(model: LinearModel, data: Data) -> LinearModel:
     return replace(model, gains=solved.gains, rest=data.rest, lower=lower)
 
 
-def least_left(model: LinearModel, judge: Callable[[LinearModel], Array]) -> LinearModel:
+def least_left(
+    model: LinearModel, judge: Callable[[LinearModel], Array]
+) -> tuple[LinearModel, Array, Array | None]:
     """The linear model, or the one of lower order, that leaves least of the data that judge.
 
     Blocks of a short log that are left out in turn may ask for poles that run off on other data. What is told of a linear
     model is a bar, which is as high as the best of no more poles sets it.
+
+    Returns:
+        It, what `judge` says of it, and of the model itself where that is another.
     """
-    return min((model, *reversed(model.lower)), key=lambda one: float(judge(one).mean()))
+    each = [(one, judge(one)) for one in (model, *reversed(model.lower))]
+    best, left = min(each, key=lambda item: float(item[1].mean()))
+    return best, left, None if best is model else each[0][1]
 
 
 def free_run(
@@ -483,12 +490,8 @@ def across(
         judge = partial(
             free_run, held=held, first=first, drive=drive, signal=signal, parts=parts, anew=begins
         )
-        chosen = fitted_to(record, drive, signal, fitted)
-        model = least_left(chosen, judge)
-        ours = begun_anew(error, parts, begins, cuts)
-        found[signal] = Reference(
-            model, judge(model), ours, unseen=None if model is chosen else judge(chosen)
-        )
+        model, left, unseen = least_left(fitted_to(record, drive, signal, fitted), judge)
+        found[signal] = Reference(model, left, begun_anew(error, parts, begins, cuts), unseen=unseen)
     return found
 
 
@@ -530,7 +533,7 @@ def of_whole(
             return np.asarray((of.y - model.predicted(of.u, record.h))[at] ** 2)
 
         chosen = fitted_to(record, drive, signal, fitted, window)
-        model = least_left(chosen, judge)
+        model, *_ = least_left(chosen, judge)
         errors = [fine.y - m.predicted(fine.u, record.h) for m in (model, chosen)]
         parts = finer(np.where(judges, fine.window, -1), (errors[1], own.y))
         left, unseen, ours = (mean_squares(e, parts, False) for e in (*errors, own.y))
