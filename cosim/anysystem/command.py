@@ -15,6 +15,7 @@ from cosim.anysystem.page import write_page
 from cosim.anysystem.pipeline import AnyDiagnosis, diagnose_system
 from cosim.anysystem.read import read
 from cosim.anysystem.start import settable
+from cosim.anysystem.stretch import USUAL
 from cosim.console import stderr_console, told, warn
 from cosim.diagnosis.answer.credibility import credited
 from cosim.diagnosis.answer.schema import Answer, Packages
@@ -109,7 +110,8 @@ def diagnose_any(
         held_out: further logs that are not fitted.
         tolerance: of trusted parameters, relative standard deviation.
         calibrate: trusted parameters are fitted freely.
-        budget: time it may take [s]; the best so far is then the answer, with what was not tried among its warnings.
+        budget: time it may take [s], `USUAL` where it is infinite; the best so far is then the answer, with what was not
+            tried among its warnings.
 
     Ctrl-C or SIGTERM ends the search with the best so far, which is written, and goes on as a KeyboardInterrupt; a second
     one ends at once.
@@ -117,7 +119,7 @@ def diagnose_any(
     Raises:
         CosimError: as `cosim.anysystem.pipeline.diagnose_system`.
     """
-    allowed = Budget(budget)
+    allowed = Budget(budget if math.isfinite(budget) else USUAL)
     with returned(), read_system(model) as system, threadpool_limits(1), stoppable(allowed.end):
         recordings, options, others = read([*logs, *held_out], system, mapping)
         for recording in recordings:
@@ -158,6 +160,9 @@ def diagnose_any(
                 warn(
                     f"interrupted: writing what was found until then into {folder}; once more Ctrl-C leaves without"
                 )
+            if allowed.warnings and not (allowed.ended or math.isfinite(budget)):
+                found.notes.append(f"beside FMUs a diagnosis may take {USUAL:g} s: more with --budget 1h")
+                warn(found.notes[-1])
             for text in allowed.warnings:
                 warn(text)
             untold = untrusted(found, options)

@@ -30,8 +30,8 @@ from cosim.anysystem.search import (
 )
 from cosim.anysystem.smooth import followed, still
 from cosim.anysystem.start import settable
-from cosim.anysystem.stretch import PROBES, head, lengths, part_of
-from cosim.anysystem.thin import ENOUGH, alike, factors, loses_noise_alone, share, thinned
+from cosim.anysystem.stretch import PROBES, head, lengths, most_samples, part_of
+from cosim.anysystem.thin import ENOUGH, LITTLE, SAME, alike, factors, loses, share, thinned
 from cosim.compare.metrics import rms
 from cosim.diagnosis.budget import Budget
 from cosim.diagnosis.thresholds import FEWEST_SAMPLES, WORSE_ELSEWHERE
@@ -293,9 +293,8 @@ def diagnose_system(
     found.budget.allow(SEARCHED)
     whole = list(logs)
     with suppress(OutOfTimeError):  # said of each group
-        thin(found, runs, trust, options)
-        if shorten(found, runs, trust, options):
-            thin(found, runs, trust, options)
+        thin(found, runs, trust, options, SAME)
+        within_time(found, runs, trust, options)
     found.notes += sparser(found)
     for segment in found.segments:
         for name in segment.signals.keys() & set(names):
@@ -462,8 +461,16 @@ def model_of(
     return model
 
 
-def thin(found: AnyDiagnosis, runs: Runs, trust: Trust, options: AnyOptions) -> None:
-    """Take logs that are sampled far faster than anything in them moves at fewer samples."""
+def thin(found: AnyDiagnosis, runs: Runs, trust: Trust, options: AnyOptions, little: float) -> None:
+    """Take logs that are sampled far faster than anything in them moves at fewer samples.
+
+    Args:
+        found: its logs.
+        runs: the FMUs.
+        trust: the parameters that are fitted.
+        options: what the mapping says.
+        little: what a reading may lose beyond its white noise, in parts of its spread.
+    """
     choices = factors(found.segments)
     groups = [g for g in found.groups if g.judged and found.cuts.own[g.name]]
     values = {f"{PARAMETER}|{n}": v for n, v in trust.free.items()}
@@ -478,7 +485,7 @@ def thin(found: AnyDiagnosis, runs: Runs, trust: Trust, options: AnyOptions) -> 
         model, series = full[group.name]
         logs = {place(s, k): model.segments[k] for s, _ in group.judged for k in model.judging(s)}
         readings = {n: log.signals[n.rpartition("#")[0]] for n, log in logs.items()}
-        if not all(loses_noise_alone(readings[n], share(log, every)) for n, log in logs.items()):
+        if any(loses(readings[n], share(log, every)) > little for n, log in logs.items()):
             return False
         _, fewer = given(coarse, group)
         return all(alike(series[n], fewer[n], share(log, every)) for n, log in logs.items())
@@ -504,20 +511,48 @@ def thin(found: AnyDiagnosis, runs: Runs, trust: Trust, options: AnyOptions) -> 
 
 def sparser(found: AnyDiagnosis) -> list[str]:
     """What to say of logs that are taken at fewer samples."""
-    return [
-        f"{log.source.name}: sampled far faster than anything in it moves: {s.h:g} s are enough"
-        for log, s in zip(found.logs, found.segments, strict=True)
-        if s.h > 1.5 * float(np.median(np.diff(log.time)))
-    ]
+    notes = []
+    judged = {signal for group in found.groups for signal, _ in group.judged}
+    for log, s in zip(found.logs, found.segments, strict=True):
+        every = round(s.h / float(np.median(np.diff(log.time))))
+        if every < 2:
+            continue
+        lost = max((loses(series, every) for n, series in s.recorded.items() if n in judged), default=0.0)
+        notes.append(
+            f"{log.source.name}: sampled far faster than anything in it moves: {s.h:g} s are enough"
+            if lost <= SAME
+            else f"{log.source.name}: one run of it takes long, and a diagnosis makes thousands: it uses one sample each "
+            f"{s.h:g} s, by which a reading loses {100 * lost:.1g} % of its spread (less with --budget 1h)"
+        )
+    return notes
 
 
-def shorten(found: AnyDiagnosis, runs: Runs, trust: Trust, options: AnyOptions) -> bool:
-    """Take a part of each log, where one run takes longer than what a diagnosis can run hundreds of times; True if so."""
+def within_time(found: AnyDiagnosis, runs: Runs, trust: Trust, options: AnyOptions) -> None:
+    """Where one run takes longer than a diagnosis can bear, take fewer samples or, where those lose too much, a part.
+
+    Fewer samples of a whole log tell more than a part of it.
+    """
+
+    def most() -> int | None:
+        seconds = a_sample(found, runs, trust, options)
+        return None if seconds is None else most_samples(seconds, found.budget.seconds)
+
+    counts = most()
+    if counts is None or sum(s.count for s in found.segments) <= counts:
+        return
+    thin(found, runs, trust, options, LITTLE)
+    counts = most()
+    if counts is not None and shorten(found, counts, options):
+        thin(found, runs, trust, options, LITTLE)
+
+
+def a_sample(found: AnyDiagnosis, runs: Runs, trust: Trust, options: AnyOptions) -> float | None:
+    """Time that a sample takes in one run of all groups [s]; None where the logs are short or cannot be run."""
     groups = [g for g in found.groups if g.judged and found.cuts.own[g.name]]
     counts = [s.count for s in found.segments]
     longest = found.segments[int(np.argmax(counts))]
     if sum(counts) <= ENOUGH or longest.count < PROBES[-1]:
-        return False
+        return None
     values = {f"{PARAMETER}|{n}": v for n, v in trust.free.items()}
 
     def taken(count: int) -> float:
@@ -532,21 +567,25 @@ def shorten(found: AnyDiagnosis, runs: Runs, trust: Trust, options: AnyOptions) 
             taken(PROBES[0] // 2)  # loads them
             few, many = (taken(count) for count in PROBES)
     except SimulationError:  # which is said where the group is judged
-        return False
-    one = max(many - few, 0.0) / (PROBES[1] - PROBES[0])
-    wanted = lengths(counts, one, found.budget.seconds)
+        return None
+    return max(many - few, 0.0) / (PROBES[1] - PROBES[0])
+
+
+def shorten(found: AnyDiagnosis, most: int, options: AnyOptions) -> bool:
+    """Take a part of each log if they have more samples together than can be run; True if so."""
+    wanted = lengths([s.count for s in found.segments], most)
     if wanted is None:
         return False
+    groups = [g for g in found.groups if g.judged and found.cuts.own[g.name]]
     judged = {signal for group in groups for signal, _ in group.judged}
     told = set(options.start.values())
     parts = [
         part_of(log, judged, told, round(count * log.time.size / segment.count))
         for log, segment, count in zip(found.logs, found.segments, wanted, strict=True)
     ]
-    takes = f"one run of {'it' if len(parts) == 1 else 'all logs'} takes {one * sum(counts):.2g} s"
     found.notes += [
-        f"{log.source.name}: {takes}, and a diagnosis makes hundreds: it uses {part.time[0]:g} to {part.time[-1]:g} s, "
-        "where the inputs visit most (more of it with --budget 1h)"
+        f"{log.source.name}: one run of it takes long, and a diagnosis makes thousands: it uses {part.time[0]:g} to "
+        f"{part.time[-1]:g} s, where the inputs visit most (more of it with --budget 1h)"
         for log, part in zip(found.logs, parts, strict=True)
         if part is not log
     ]

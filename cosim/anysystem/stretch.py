@@ -1,4 +1,4 @@
-"""Logs of which one run of the model takes long: a diagnosis makes hundreds, and uses a part that it can run so often.
+"""Logs of which one run of the model takes long: a diagnosis makes thousands, and uses a part that it can run so often.
 
 A part begins where the log does, or where the machine stands as it stood there: elsewhere nobody knows the model's state.
 Among these it is the one whose inputs visit most. What is named is then run over the whole log, too.
@@ -19,8 +19,8 @@ from cosim.compare.metrics import white_noise
 from cosim.diagnosis.record.signatures import cells
 
 Array = NDArray[np.float64]
-RUN = 0.2  # s that one run over all logs may take: seven hundred of them are the two and a half minutes of a diagnosis
-USUAL = 150.0  # s that a diagnosis may take; where --budget allows more, a run may take as many times longer
+RUN = 0.05  # s that one run over all logs may take: real logs took 300 to 6000 of them, in the median 1500
+USUAL = 600.0  # s that a diagnosis may take; where --budget allows more, a run may take as many times longer
 SAMPLE = 2e-6  # s that a sample costs beside the FMUs
 COARSELY = 4.0  # times: so coarsely is it asked how long a sample takes, that another run of it says the same
 PROBES = 500, 1500  # samples that are run to learn it: what a start takes is in both
@@ -50,16 +50,24 @@ def coarse_cost(seconds: float) -> float:
     return float(SAMPLE * COARSELY ** round(math.log(times, COARSELY)))
 
 
-def lengths(counts: Sequence[int], seconds: float, allowed: float) -> list[int] | None:
-    """Samples to use of each log, or None for all of all.
+def most_samples(seconds: float, allowed: float) -> int:
+    """Samples of all logs together that a diagnosis can run often enough.
 
     Args:
-        counts: samples of each.
         seconds: that a sample takes in one run of all groups.
         allowed: time that the diagnosis may take [s]; infinite where nobody said.
     """
     more = max(1.0, allowed / USUAL) if math.isfinite(allowed) else 1.0
-    most = max(int(RUN * more / coarse_cost(seconds)), ENOUGH)
+    return max(int(RUN * more / coarse_cost(seconds)), ENOUGH)
+
+
+def lengths(counts: Sequence[int], most: int) -> list[int] | None:
+    """Samples to use of each log, or None for all of all.
+
+    Args:
+        counts: samples of each.
+        most: samples of all together that can be run.
+    """
     if sum(counts) <= most:
         return None
     return [min(n, max(n * most // sum(counts), ENOUGH)) for n in counts]

@@ -18,6 +18,9 @@ Array = NDArray[np.float64]
 ENOUGH = 3000  # samples of the longest log: they describe what a log of that length can tell
 NOISE_ALONE = 1.1  # times a reading's white noise: what may be lost of it
 SAME = 1e-3  # of a signal's spread: two programs that integrate one model differ by that
+LITTLE = (
+    0.01  # of it, that a reading may lose where a run takes too long: else a part of the log would have to do
+)
 
 
 def averaged(series: Array, every: int) -> Array:
@@ -82,11 +85,11 @@ def share(segment: Segment, every: int) -> int:
     return max(min(every, segment.count // ENOUGH), 1)
 
 
-def loses_noise_alone(series: Array, every: int) -> bool:
-    """Whether what a reading (n,) loses is no more than its white noise."""
+def loses(series: Array, every: int) -> float:
+    """What a reading (n,) loses beyond its white noise, in parts of its spread."""
     kept = np.interp(np.arange(series.size), np.arange(0, series.size, every), averaged(series, every))
     lost = float(np.sqrt(np.mean((series - kept) ** 2)))
-    return lost <= NOISE_ALONE * white_noise(series) + SAME * float(np.std(series))
+    return max(lost - NOISE_ALONE * white_noise(series), 0.0) / max(float(np.std(series)), 1e-300)
 
 
 def alike(full: Array, coarse: Array, every: int) -> bool:

@@ -308,7 +308,7 @@ def diagnose(
         held_out: other logs of the machine, on which gains are measured; by default a part of the log.
         tolerance: trust in the nominal parameters: one standard deviation, relative.
         calibrate: fit the nominal parameters freely: only missing structure is a cause.
-        budget: [s] it may take.
+        budget: [s] it may take; beside FMUs of others 600 by default, else as long as it takes.
         out: folder for results; by default a temporary one that lives as long as the result.
         language: of the report, en or de.
         verbose: on the command line, say beforehand what these signals can tell apart.

@@ -56,7 +56,7 @@ def diagnose(
         str | None,
         typer.Option(
             help="Time it may take, such as 60s: searches end with the best so far, and what was not tried is said "
-            "[default: as long as it takes]."
+            "[default: 10 min with --model FMUs, else as long as it takes]."
         ),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for results.")] = Path("diagnosis"),

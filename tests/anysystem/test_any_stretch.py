@@ -14,25 +14,27 @@ from cosim.anysystem.pipeline import diagnose_system
 from cosim.anysystem.read import Recording
 from cosim.anysystem.thin import ENOUGH
 from cosim.diagnosis.answer.schema import Answer
+from cosim.errors import DataError
 from cosim.ssp.read import read_system
 from cosim.system.runs import Runs
 
 __all__ = ["axis"]  # the fixture
 
 
-@pytest.mark.parametrize(
-    ("seconds", "most"), [(0.1e-6, 100_000), (6e-6, 25_000), (20e-6, 6_250), (1.0, 3000)]
-)
-def test_as_many_samples_are_used_as_can_be_run_hundreds_of_times(seconds: float, most: int) -> None:
+@pytest.mark.parametrize(("seconds", "most"), [(0.1e-6, 25_000), (6e-6, 6_250), (20e-6, 3000), (1.0, 3000)])
+def test_as_many_samples_are_used_as_can_be_run_thousands_of_times(seconds: float, most: int) -> None:
     """6 us: one FMU of plain pythonfmu; a minute of several at 100 Hz."""
-    assert stretch.lengths([most], seconds, math.inf) is None
-    (used,) = stretch.lengths([10 * most], seconds, math.inf)
-    assert used == most
-    of_two = stretch.lengths([4 * most, 6 * most], seconds, math.inf)
-    assert of_two == [max(most * share // 10, ENOUGH) for share in (4, 6)]
-    assert stretch.lengths([10 * most], seconds, 30.0) == [used]
-    more = stretch.lengths([1000 * most], seconds, 10.0 * stretch.USUAL)
-    assert more == [max(10 * int(stretch.RUN / stretch.coarse_cost(seconds)), ENOUGH)]
+    assert stretch.most_samples(seconds, math.inf) == most
+    assert stretch.most_samples(seconds, 30.0) == most
+    more = stretch.most_samples(seconds, 10.0 * stretch.USUAL)
+    assert more == max(int(10.0 * stretch.RUN / stretch.coarse_cost(seconds)), ENOUGH)
+
+
+def test_logs_share_the_samples_that_can_be_run() -> None:
+    assert stretch.lengths([25_000], 25_000) is None
+    assert stretch.lengths([250_000], 25_000) == [25_000]
+    assert stretch.lengths([100_000, 150_000], 25_000) == [10_000, 15_000]
+    assert stretch.lengths([2000, 1_000_000], 25_000) == [2000, 24_950]
 
 
 def test_a_clock_that_errs_by_a_quarter_seldom_changes_what_is_used() -> None:
@@ -75,8 +77,14 @@ def told_of(axis: Path, log: Recording) -> Answer:
         return answer(diagnose_system(system, [log], runs, options))
 
 
+def part_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One run takes so long that 1600 samples are all that can be run."""
+    monkeypatch.setattr(pipeline, "most_samples", lambda seconds, allowed: 1600)
+    monkeypatch.setattr(pipeline, "lengths", lambda counts, most: [most])
+
+
 def test_what_is_found_in_a_part_is_run_over_the_rest(axis: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pipeline, "lengths", lambda counts, seconds, allowed: [1600])
+    part_alone(monkeypatch)
     told = told_of(axis, log(3, {"dz_up": 0.25}, count=4800))
     assert told.span == (0.0, pytest.approx(0.02 * 1599))
     assert [c.parameter for c in told.causes] == ["dz_up"]
@@ -88,10 +96,38 @@ def test_what_is_found_in_a_part_is_run_over_the_rest(axis: Path, monkeypatch: p
 def test_where_nothing_is_named_the_rest_is_told_if_it_is_worse(
     axis: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(pipeline, "lengths", lambda counts, seconds, allowed: [1600])
+    part_alone(monkeypatch)
     sound = log(3, {}, count=4800)
     assert not any("rest of it" in w for w in told_of(axis, sound).warnings)
     u = sound.signals["axis.u"]
     broken = np.where(np.arange(u.size) < 2400, moved(u, 0.02, {}), moved(u, 0.02, {"k_up": 1.5}))
     later = recording(sound.time, u, broken + 0.003 * np.random.default_rng(1).standard_normal(u.size))
     assert any("times that of the part used" in w for w in told_of(axis, later).warnings)
+
+
+def test_of_a_log_whose_runs_take_too_long_fewer_samples_come_before_a_part(
+    axis: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A reading that hums loses more than white noise when it is taken at fewer samples."""
+    dense = log(3, {"dz_up": 0.25}, 0.002, 12000)
+    y = dense.signals["axis.y"]
+    dense.signals["axis.y"] = y + 0.02 * np.std(y) * np.sin(2.0 * np.pi * 40.0 * dense.time)
+    judged: list[pipeline.AnyDiagnosis] = []
+
+    def looked_at(found: pipeline.AnyDiagnosis, *rest: object) -> None:
+        judged.append(found)
+        raise DataError("this is all that is asked")
+
+    monkeypatch.setattr(pipeline, "judge", looked_at)
+    for most in (10_000, 3500):
+        monkeypatch.setattr(pipeline, "most_samples", lambda seconds, allowed, most=most: most)
+        with pytest.raises(DataError, match="all that is asked"):
+            told_of(axis, dense)
+    usual, short = judged
+    assert usual.segments[0].count == 6000
+    assert "far faster" in usual.notes[0]
+    assert short.segments[0].count == 3000
+    (note,) = short.notes
+    assert "one run of it takes long" in note
+    assert "it uses one sample each 0.008 s, by which a reading loses 0." in note
+    assert short.span is None

@@ -292,6 +292,14 @@ ANY_SYSTEM = [
     "assumed: inputs of part_1 that were not measured stay at their start values: part_1.v2 (no start value), part_1.v3 "
     "(2); [diagnose] constant in the mapping gives others",
     "no connector of the system, left alone: extra_1, extra_2",
+    "slow.csv: sampled far faster than anything in it moves: 0.02 s are enough",
+    "slow.csv: one run of it takes long, and a diagnosis makes thousands: it uses one sample each 0.02 s, by which a "
+    "reading loses 0.4 % of its spread (less with --budget 1h)",
+    "slow.csv: one run of it takes long, and a diagnosis makes thousands: it uses 0 to 32 s, where the inputs visit most "
+    "(more of it with --budget 1h)",
+    "slow.csv: in the rest of it the error of part_1.y is 0.2 times that of the model as it is",
+    "slow.csv: in the rest of it the error of part_1.y is 3 times that of the part used",
+    "beside FMUs a diagnosis may take 600 s: more with --budget 1h",
     "log_2.csv: there is no column 'Cmd_1': part_1.u is taken from the other logs",
     "no parameter of part_1 and part_2 is trusted or free, so none could be named: list those that you know to a tolerance "
     "in the mapping, [diagnose] trusted (cosim init writes them as a comment), and diagnose again",
