@@ -15,19 +15,27 @@ CAPTION = (
     "Straight lines: dead zone, slope and top speed as in the table. Curve and band: fitted freely, it only has to rise; "
     "where the two part the drive is no such straight line. From all stretches of half a second of {logs}."
 )
+MODELS = " Of the models: the speed in which a lasting command ends, from rest."
 
 
 def picture(material: Material) -> Picture | None:
-    """Speed over command: the free curve with its band, and what the table says as lines; None without a curve."""
+    """Speed over command: what the log says, the models, and what the table says as lines; None without a curve."""
     curve = material.answer.drive_curve
     if curve is None:
         return None
     u, speed, low, high = np.array(curve.points, dtype=np.float64).T
     layers = [
-        Layer("band", "95 % band", "nominal", u, low, high),
-        Layer("line", "free curve", "nominal", u, speed),
-        Layer("line", "dead zone, slope, top speed", "extended", *lined(material)),
+        Layer("band", "95 % band", "measured", u, low, high),
+        Layer("line", "free curve", "plain", u, speed),
+        Layer(
+            "line", "dead zone, slope, top speed", "measured", *lined(material), hidden=bool(curve.simulated)
+        ),
     ]
+    if curve.simulated:
+        at, nominal, extended = np.array(curve.simulated, dtype=np.float64).T
+        layers.append(Layer("line", "nominal model", "nominal", at, nominal))
+        if not np.isnan(extended).any():
+            layers.append(Layer("line", "extended model", "extended", at, extended))
     command, motion = curve.command, curve.motion
     moved = signal_name(motion["signal"])
     speed_of = moved if shows_speed(motion["signal"]) else f"speed of {moved}"
@@ -36,7 +44,7 @@ def picture(material: Material) -> Picture | None:
         "Static curve of the drive",
         axis(signal_name(command["signal"]), command["unit"]),
         [Panel(axis(speed_of, motion["unit"]), layers)],
-        CAPTION.format(logs=" and ".join(curve.logs)),
+        CAPTION.format(logs=" and ".join(curve.logs)) + (MODELS if curve.simulated else ""),
     )
 
 

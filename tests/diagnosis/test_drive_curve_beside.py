@@ -2,12 +2,14 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from cosim.diagnosis.answer.curve import curve_of
 from cosim.diagnosis.answer.schema import Answer
+from cosim.diagnosis.fitting.chain import task_for
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.held_out.causes import Held
 from cosim.diagnosis.model.choice import machine_of
@@ -19,6 +21,7 @@ from cosim.logs import load_log
 from cosim.report import drive
 from cosim.report.material import Material
 from cosim.report.picture import figure
+from fmus.registry import effects
 
 MACHINE = """
 name = "small drive"
@@ -78,10 +81,40 @@ def test_the_page_shows_it(tmp_path):
             f"{k}, {s} side" for k in ("dead zone", "slope", "top speed") for s in ("lower", "upper")
         ]
         assert rows[0][4].startswith("duty: 7.")
-        corners = shown.layer("extended")
+        corners = shown.layer("measured", kind="line")
         assert np.all(np.diff(corners.x) > 0.0)
         assert np.all(np.diff(corners.y) >= 0.0)
         assert len(figure(shown)["data"]) == 4  # a band is two lines
+
+
+def test_the_models_are_drawn_beside_it(tmp_path):
+    found, log = diagnosed(tmp_path)
+    (group,) = found.groups
+    found.findings = {group.name: SimpleNamespace(task=task_for(group, found.record, []))}
+    curve = curve_of(found, log)
+    assert curve is not None
+    at, nominal, extended = zip(*curve.simulated, strict=True)
+    assert [at[0], at[-1]] == pytest.approx([curve.points[0][0], curve.points[-1][0]])
+    # nominal: a dead zone of its own and the same slope at either end; without a cause nothing is beside it
+    rises = np.diff(nominal)
+    assert np.all(rises >= 0.0)
+    assert rises[0] == pytest.approx(rises[-1], rel=1e-3)
+    assert rises[30] == 0.0
+    assert set(extended) == {None}
+    cause = effects()["dead_zone.mismatch"]
+    found.causes = [SimpleNamespace(effect=cause, group=group.name)]
+    found.values = {"dead_zone.b_r": 0.5, "dead_zone.b_l": -0.1}
+    curve = curve_of(found, log)
+    assert curve is not None
+    for u, _, speed in curve.simulated:
+        assert (speed == 0.0) == (-0.1 <= u <= 0.5)
+    material = Material(Answer.model_construct(drive_curve=curve), 0.05, {}, {})
+    with speaking(found.machine.lexicon):
+        shown = drive.picture(material)
+        assert shown is not None
+        assert shown.layer("extended").y == pytest.approx([s for *_, s in curve.simulated])
+        assert shown.layer("nominal").y == pytest.approx(nominal)
+        assert "from rest" in shown.caption
 
 
 def test_what_is_known_too_well_is_rounded_and_a_speed_is_no_speed_of_itself(tmp_path):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cosim.diagnosis.extension.top_speed import in_place, settled, slopes_of, top_speeds
+from cosim.diagnosis.extension.top_speed import in_place, settled, slopes_of, static_speeds, top_speeds
 from cosim.diagnosis.fitting.chain import task_for
 from cosim.diagnosis.fitting.fit import Task
 from cosim.diagnosis.fitting.trials import Trial, candidates_of, copied, starting, tried
@@ -112,6 +112,15 @@ def test_a_speed_in_the_place_of_a_stop_leaves_the_fit_as_it_is(
     assert other.deviations["dcv.x_max"] == pytest.approx(float(np.sqrt(slopes @ fit.covariance @ slopes)))
 
 
+def test_the_static_curve_of_the_model_is_that_of_the_machine(
+    begun: tuple[Task, Trial], found: Trial
+) -> None:
+    task, _ = begun
+    levels = [1.0, 0.75, 0.6, 0.3]
+    speeds = static_speeds(task.model, found.effects, found.fit.values, levels)
+    assert speeds == pytest.approx([driven(level) for level in levels], rel=0.02, abs=1e-5)
+
+
 def test_where_no_speed_lasts_none_is_told(begun: tuple[Task, Trial], found: Trial) -> None:
     task, _ = begun
     model = copied(task).model
@@ -119,6 +128,7 @@ def test_where_no_speed_lasts_none_is_told(begun: tuple[Task, Trial], found: Tri
     assert settled(model, 1.0, found.fit.values | {"mechanical.theta_max": 1e9}) is not None
     model.fixed = model.fixed | weight
     assert top_speeds(model, found.effects, found.fit, None) == {}
+    assert static_speeds(model, found.effects, found.fit.values, [1.0, 0.5]) is None
     placed = copied(task).model
     placed.group = replace(placed.group, place=True)
     assert top_speeds(placed, found.effects, found.fit, None) == {}

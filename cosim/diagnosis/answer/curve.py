@@ -5,14 +5,19 @@ Not a part of the naming: `cosim.identify.drive_curve` knows nothing of blocks, 
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from cosim.diagnosis.answer.schema import DriveCurve
+from cosim.diagnosis.extension.top_speed import static_speeds
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.model.groups import Group
 from cosim.errors import DataError
 from cosim.identify.drive_curve import OF_ITS_OWN, drive_curve
 from cosim.identify.drive_fit import Run
-from cosim.identify.run_drive import curve_data, run_of, told_of, way
+from cosim.identify.run_drive import Told, curve_data, run_of, told_of, way
 from cosim.logs import Log, listed
+
+COMMANDS = 60  # at which the models' curves are drawn, from one end of what was driven to the other
 
 
 def integrating(found: Diagnosis) -> Group | None:
@@ -56,7 +61,43 @@ def curve_of(found: Diagnosis, log: Log | Sequence[Log]) -> DriveCurve | None:
             found_curve = drive_curve(used)
             if found_curve.left > OF_ITS_OWN:
                 return None
-            return DriveCurve.model_validate(curve_data(found_curve, told))
+            shown = DriveCurve.model_validate(curve_data(found_curve, told))
+            shown.simulated = simulated(found, group, told, found_curve.knots[[0, -1]].tolist())
+            return shown
         except DataError:
             continue
     return None
+
+
+def simulated(
+    found: Diagnosis, group: Group, told: Told, ends: Sequence[float]
+) -> list[tuple[float, float, float | None]]:
+    """Command, and the speeds in which the model and the extended model end there, in the units people read.
+
+    Args:
+        found: the diagnosis.
+        group: from the command to the motion.
+        told: those units.
+        ends: the least and the largest command that the log's curve has, SI as in the log.
+
+    Returns:
+        Nothing where the model has no lasting speed; none of an extended model that has none, or that is a linear one.
+    """
+    finding = found.findings.get(group.name)
+    if finding is None:
+        return []
+    model, signals = finding.task.model, found.machine.signals
+    commands = np.linspace(ends[0], ends[1], COMMANDS + 1)
+    order = np.argsort(-np.abs(commands), kind="stable")
+    driven = (commands[order] * signals[told.command].gain).tolist()
+    effects = tuple(cause.effect for cause in found.causes if cause.group == group.name)
+    own = {n: v for n, v in found.values.items() if n.partition(".")[0] in group.components}
+    nominal = static_speeds(model, (), found.calibrated, driven)
+    extended = None
+    if found.in_place is None and effects:
+        extended = static_speeds(model, effects, own, driven)
+    if nominal is None:
+        return []
+    rows = np.column_stack([commands[order], nominal, extended or nominal])[np.argsort(order)]
+    scales = told.command_scale, *[told.motion_scale / signals[told.motion].gain] * 2
+    return [(u, v, None if extended is None else w) for u, v, w in (rows * np.array(scales)).tolist()]

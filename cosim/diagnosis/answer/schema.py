@@ -257,6 +257,9 @@ class DriveCurve(Model):
     top_speed: dict[Literal["low", "high"], DriveNumber]
     lag: dict[str, float | str]  # value, unit
     points: list[tuple[float, float, float, float]]  # command, speed, its 95 % band
+    simulated: list[
+        tuple[float, float, float | None]
+    ] = []  # command, speed of the model, of the extended model
     error: dict[str, float | str]  # of the speed over half a second: value, unit
     logs: list[str]
     holds: str

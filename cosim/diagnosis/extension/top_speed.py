@@ -1,10 +1,10 @@
-"""The speed at which a limit before the motion holds a drive: what can be read off the machine.
+"""Speeds in which a model ends at lasting commands: what can be read off the machine.
 
 Where nothing was measured between the command and the motion, and the numbers between them are fitted, a limit of the
 spool and the gain behind it are one number: the log tells their product, the speed, and next to nothing of either.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from cosim.diagnosis.fitting.fit import Fit
 from cosim.diagnosis.fitting.group_model import GroupModel
 from cosim.diagnosis.held_out.between import Between, over_logs
+from cosim.diagnosis.model.groups import Group
 from cosim.diagnosis.record.grid import of_piece
 from fmus.contract import Effect, Free
 
@@ -43,12 +44,8 @@ def top_speeds(
         return {}
     names = list(found.values)[: found.covariance.shape[0]]
     told = {}
-    blocks = [block for _, block in group.stages]
-    before = group.components[: blocks.index(group.kind)]
-    limits = limits_of(effects)
-    # no speed lasts at the ends of the travel, or of what a sensor reads
-    values = {n: v for n, v in found.values.items() if n not in limits or n.partition(".")[0] in before}
-    for name, free in limits.items():
+    values = endless(group, effects, found.values)
+    for name, free in limits_of(effects).items():
         if name not in names or name not in values:
             continue
         command = float(model.drive.max() if min(free.starts) > 0.0 else model.drive.min())
@@ -58,6 +55,34 @@ def top_speeds(
             continue
         told[name] = between(in_place(found, name, speed, slopes), name, repetitions)
     return told
+
+
+def endless(group: Group, effects: tuple[Effect, ...], values: Mapping[str, float]) -> dict[str, float]:
+    """Values without the ends of the travel, and of what a sensor reads: no speed lasts there."""
+    blocks = [block for _, block in group.stages]
+    before = group.components[: blocks.index(group.kind)]
+    limits = limits_of(effects)
+    return {n: v for n, v in values.items() if n not in limits or n.partition(".")[0] in before}
+
+
+def static_speeds(
+    model: GroupModel, effects: tuple[Effect, ...], values: Mapping[str, float], commands: Iterable[float]
+) -> list[float] | None:
+    """Speed in which each of several lasting commands ends, SI; None where one does not stay.
+
+    Args:
+        model: the group, from the command to the motion.
+        effects: those that the values hold.
+        values: ``component.parameter`` -> value.
+        commands: in the unit of the model's drive; the widest first, which tells soonest that no speed stays.
+    """
+    lasting, found = endless(model.group, effects, values), list[float]()
+    for command in commands:
+        speed = settled(model, command, lasting, max(map(abs, found), default=0.0))
+        if speed is None:
+            return None
+        found.append(speed)
+    return found if any(found) else None  # held by its weight or a spring
 
 
 def limits_of(effects: tuple[Effect, ...]) -> dict[str, Free]:
@@ -70,15 +95,17 @@ def limits_of(effects: tuple[Effect, ...]) -> dict[str, Free]:
     }
 
 
-def settled(model: GroupModel, command: float, values: Mapping[str, float]) -> float | None:
-    """Speed in which a constant command ends, SI; None where it does not."""
+def settled(
+    model: GroupModel, command: float, values: Mapping[str, float], most: float = 0.0
+) -> float | None:
+    """Speed in which a constant command ends, SI, to a share of itself or of `most`; None where it does not."""
     signal, count, fixed = model.group.observed[0], STEPS_AT_FIRST, of_piece(model.fixed, 0)
     while count <= STEPS_AT_MOST:
         run = GroupModel(model.group, np.full(count, command), model.step, fixed)
         series = run.simulate(of_piece(dict(values), 0))[signal]
         moved = series if model.group.is_speed(signal) else np.diff(series) / model.step
         quarters = [float(part.mean()) for part in np.array_split(moved, 4)[2:]]
-        if abs(quarters[1] - quarters[0]) <= STEADY_TO * abs(quarters[1]):
+        if abs(quarters[1] - quarters[0]) <= STEADY_TO * max(abs(quarters[1]), most):
             return quarters[1]
         count *= 2
     return None
