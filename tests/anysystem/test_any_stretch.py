@@ -35,6 +35,8 @@ def test_logs_share_the_samples_that_can_be_run() -> None:
     assert stretch.lengths([250_000], 25_000) == [25_000]
     assert stretch.lengths([100_000, 150_000], 25_000) == [10_000, 15_000]
     assert stretch.lengths([2000, 1_000_000], 25_000) == [2000, 24_950]
+    assert stretch.lengths([4500], 3000) is None, "most of it: all of it"
+    assert stretch.lengths([5500], 3000) == [3000]
 
 
 def test_a_clock_that_errs_by_a_quarter_seldom_changes_what_is_used() -> None:
