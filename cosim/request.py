@@ -208,13 +208,15 @@ def _begun(log: "Log", mapping: Path | None, system: System, drives: list[str]) 
     from cosim.compare.mapping import load_mapping
     from cosim.compare.prepare import first_value
     from cosim.machines import in_package
+    from cosim.ssp.stated import full_name
 
     plain, table = load_mapping(mapping) if mapping is not None else (None, None)
     if plain is None or table is None or not table.start:
         return {}
     table = table.model_copy(update={"signals": {**table.signals, **in_package(system, plain, table)}})
     bound = bind(system, log.units, table)
-    wanted = {p: n for p, n in start_values(system, table, bound).items() if p in table.start and n in log}
+    stated = {full_name(system, parameter) for parameter in table.start}
+    wanted = {p: n for p, n in start_values(system, table, bound).items() if p in stated and n in log}
     driving = [log[n] for n in drives]
     return {
         p: bound[n].gain * first_value(log[n], log.valid_mask(n), driving, log.step)[0]

@@ -1,6 +1,7 @@
 """Logs of any system: which column is which connector, in the unit of the FMU's variable."""
 
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -21,7 +22,7 @@ from cosim.machines import in_package
 from cosim.signals import SIGNALS, SYNTHETIC_COLUMN, conversion
 from cosim.ssp.hints import did_you_mean
 from cosim.ssp.quantities import UnitDefinition, contradiction, definition, of_reading
-from cosim.ssp.stated import assumed_si, constants, variables, with_units
+from cosim.ssp.stated import assumed_si, constants, full_name, variables, with_units
 from cosim.ssp.system import Port, System, Value, Variable
 from cosim.system.graph import connectors, port_called, port_of
 from cosim.units import parse_quantity
@@ -228,13 +229,21 @@ def read(
         stated_values, wrong = constants(system, options.constant)
         options = with_constants(system, options, stated_values)
         lacking += wrong
-        stated_starts = {**options.start, **table.start}
+        stated_starts = {full_name(system, n): s for n, s in {**options.start, **table.start}.items()}
         known = (
             {}
             if lacking
             else {str(port_of(system, connector)): connector for connector, _ in targets.values()}
         )
-        begins = {n: targets[s][0] if s in targets else known.get(s, s) for n, s in stated_starts.items()}
+
+        def connector(signal: str) -> str:
+            if signal in targets:
+                return targets[signal][0]
+            with suppress(DataError):  # said below
+                return known.get(str(port_of(system, signal)), signal)
+            return signal
+
+        begins = {n: connector(s) for n, s in stated_starts.items()}
         options = options.model_copy(update={"start": begins})
         lacking += _bad_parameters(system, options, measured)
         lacking += _bad_starts(system, options, {connector for connector, _ in targets.values()})
@@ -286,16 +295,11 @@ def ends(system: System, port: Port) -> list[tuple[Port, float, float]]:
 
 
 def with_full_names(system: System, options: AnyOptions) -> AnyOptions:
-    """Trusted and free parameters as ``component.parameter``: beside a single FMU the parameter's name is enough."""
-
-    def full(name: str) -> str:
-        ports = () if _variable(system, name) else variables(system, name)
-        return str(ports[0]) if len(ports) == 1 else name
-
+    """Trusted and free parameters as ``component.parameter``."""
     return options.model_copy(
         update={
-            "trusted": {full(n): v for n, v in options.trusted.items()},
-            "free": tuple(full(n) for n in options.free),
+            "trusted": {full_name(system, n): v for n, v in options.trusted.items()},
+            "free": tuple(full_name(system, n) for n in options.free),
         }
     )
 

@@ -11,6 +11,7 @@ from cosim.errors import DataError, UsageError
 from cosim.signals import SIGNALS, conversion
 from cosim.ssp.effects import read_at
 from cosim.ssp.hints import did_you_mean
+from cosim.ssp.stated import full_name
 from cosim.ssp.system import Port, System, Wire
 from cosim.units import parse_quantity, parse_unit
 
@@ -122,7 +123,8 @@ def start_values(system: System, table: CompareTable, bindings: dict[str, Bindin
     Raises:
         UsageError: the table names an unknown parameter or signal.
     """
-    for parameter, signal in table.start.items():
+    stated = {full_name(system, parameter): signal for parameter, signal in table.start.items()}
+    for parameter, signal in stated.items():
         component, _, name = parameter.partition(".")
         if component not in system.components or name not in system.components[component].fmu.variables:
             raise UsageError(f"compare.start names '{parameter}', which '{system.name}' does not have")
@@ -131,7 +133,7 @@ def start_values(system: System, table: CompareTable, bindings: dict[str, Bindin
     turning = [c for c, component in system.components.items() if START_PARAMETER in component.fmu.variables]
     wires = [(w.source, w.target) for w in system.wires]
     found = angle_signals(turning, wires, {n: b.port for n, b in bindings.items()}, table.signals)
-    return found | table.start
+    return found | stated
 
 
 def angle_signals(

@@ -119,6 +119,15 @@ def variables(system: System, name: str) -> list[Port]:
     return [Port(only.name, n) for n in (name, name.partition(".")[2]) if n in only.fmu.variables][:1]
 
 
+def full_name(system: System, name: str) -> str:
+    """``component.parameter`` of a parameter: beside a single FMU its own name is enough. What is unknown stays as it is."""
+    component, _, variable = name.partition(".")
+    if component in system.components and variable in system.components[component].fmu.variables:
+        return name
+    ports = variables(system, name)
+    return str(ports[0]) if len(ports) == 1 else name
+
+
 def _state(system: System, port: Port, unit: str) -> None:
     part = system.components[port.component]
     variable = replace(part.fmu.variables[port.variable], unit=unit)

@@ -61,10 +61,12 @@ def log(file: Path, first: float, seed: int) -> Path:
     return file
 
 
-@pytest.mark.parametrize("stated", [True, False], ids=["stated", "left out"])
-def test_each_log_begins_where_its_reading_does(command, tank: Path, tmp_path: Path, stated: bool) -> None:
+@pytest.mark.parametrize(
+    "stated", ['"Tank.first" = "Tank.level"', 'first = "level"', ""], ids=["stated", "in short", "left out"]
+)
+def test_each_log_begins_where_its_reading_does(command, tank: Path, tmp_path: Path, stated: str) -> None:
     mapping = tmp_path / "m.toml"
-    mapping.write_text(MAPPING + ('[compare.start]\n"Tank.first" = "Tank.level"\n' if stated else ""))
+    mapping.write_text(f"{MAPPING}[compare.start]\n{stated}\n")
     logs = log(tmp_path / "one.csv", 2.0, 1), "--held-out", log(tmp_path / "two.csv", -1.0, 2)
     words = (*logs, "--model", tank, "--mapping", mapping, "--out", tmp_path / "o", "--json")
     code, out, err = command("diagnose", *words)
@@ -80,6 +82,17 @@ def test_each_log_begins_where_its_reading_does(command, tank: Path, tmp_path: P
         *cause["indistinguishable_from"],
     }
     assert gain["rmse_after"] == pytest.approx(0.002, rel=0.2)
+
+
+def test_a_comparison_begins_there_too(command, tank: Path, tmp_path: Path) -> None:
+    mapping, file = tmp_path / "m.toml", log(tmp_path / "one.csv", 2.0, 1)
+    errors = []
+    for stated in ('"Tank.first" = "Tank.level"', 'first = "Tank.level"', ""):
+        mapping.write_text(f"{MAPPING}[compare.start]\n{stated}\n")
+        code, out, err = command("compare", file, "--model", tank, "--mapping", mapping, "--json")
+        assert code == 0, err
+        errors.append(next(iter(json.loads(out)["signals"].values()))["rmse"])
+    assert errors[0] == errors[1] < 0.5 < errors[2]
 
 
 def test_a_beginning_that_cannot_be_is_told(command, tank: Path, tmp_path: Path) -> None:
