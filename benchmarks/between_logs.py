@@ -1,100 +1,114 @@
-"""Do intervals between logs hold? ``python benchmarks/between_logs.py LOG LOG LOG --mapping M --effects NAME NAME``.
+"""Do intervals between logs hold? ``python benchmarks/between_logs.py [--axes boom swing] [--rows FILE]``.
 
-Each log is held out in turn: the parameters are fitted to the others together, and `next_ci95` says where the estimate
-from another log of the machine lies. Then they are fitted to the log held out alone, and it is counted how often its
-estimates lie there. Real refits on both sides, to the free run, as the diagnosis makes them of a machine with one block.
+Each of the five logs of an axis of the small excavator (folder in COSIM_DATA) is held out in turn. The four others are
+diagnosed together, and the one held out by itself. Of the sizes that both answers tell, it is counted how often what the log
+held out says lies where the others say that the next log lies (`next_log_ci95`), within its own interval, too.
 """
 
 import argparse
+import json
+import math
 import sys
-from collections.abc import Callable
+import tempfile
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from rich.console import Console
 from rich.table import Table
-from threadpoolctl import threadpool_limits
 
-from cosim.diagnosis.fitting.chain import task_for
-from cosim.diagnosis.fitting.fit import Fit
-from cosim.diagnosis.fitting.trials import tried
-from cosim.diagnosis.held_out.between import Between, over_logs
-from cosim.diagnosis.held_out.free_run import onward, refitted
-from cosim.diagnosis.hypotheses.naming import nominal
-from cosim.diagnosis.model.choice import machine_of
-from cosim.diagnosis.model.groups import Group, merged
-from cosim.diagnosis.pipeline.diagnose import prepare
-from cosim.diagnosis.record.record import Record, each_left_out, joined
-from cosim.diagnosis.residuals.cross_validation import repetitions
-from cosim.diagnosis.residuals.finding import Finding, relearned
-from cosim.diagnosis.thresholds import GUESSED_TRUST
-from cosim.logs import load_log
-from fmus.contract import Effect
+from benchmarks.each_alone import cosim
+from benchmarks.real_logs import AXES, DATA, MAPPINGS, sizes_of
+
+Size = tuple[
+    float, tuple[float, float], tuple[float, float]
+]  # value, its 95 % interval, that of the next log's
 
 
-def estimator(group: Group) -> Callable[..., Fit]:
-    """How the diagnosis estimates in such a group."""
-    return onward if group.drifts else refitted
+@dataclass
+class HeldOut:
+    """What the logs of an axis say of another one.
+
+    Attributes:
+        axis, log: which was held out.
+        together, alone: effect -> parameter -> size, by the others and by this log.
+    """
+
+    axis: str
+    log: str
+    together: dict[str, dict[str, Size]] = field(default_factory=dict)
+    alone: dict[str, dict[str, Size]] = field(default_factory=dict)
 
 
-def fitted(record: Record, group: Group, effects: tuple[Effect, ...]) -> tuple[Finding, Fit]:
-    """Noise and parameters from a record, with these causes, the first ones first."""
-    task = task_for(group, record, [])
-    null = nominal(task, record, GUESSED_TRUST)
-    chosen = null
-    for count in range(len(effects)):  # one by one, as a search finds them
-        chosen = tried(task, effects[: count + 1], GUESSED_TRUST, chosen.fit)
-        if relearned(task, record, chosen.fit):
-            chosen = tried(task, effects[: count + 1], GUESSED_TRUST, chosen.fit)
-    finding = Finding(task, null, chosen, free=True)
-    return finding, estimator(group)(finding, effects, GUESSED_TRUST, chosen.fit)
+def told(axis: str, logs: Iterable[Path]) -> dict[str, dict[str, Size]]:
+    """The causes that some logs of an axis have in common, with their sizes."""
+    mapping = str(MAPPINGS / f"mini_excavator_{axis}.toml")
+    with tempfile.TemporaryDirectory() as folder:
+        answer = cosim("diagnose", *map(str, logs), "--mapping", mapping, "--calibrate", "--out", folder)
+    return {
+        cause["effect"]: {
+            name: (size["value"], tuple(size["ci95"]), tuple(size["next_log_ci95"] or size["ci95"]))
+            for name, size in sizes_of(cause).items()
+            if size["ci95"]
+        }
+        for cause in answer["causes"]
+    }
 
 
-def between(record: Record, group: Group, effects: tuple[Effect, ...]) -> dict[str, Between]:
-    """What the logs of a record say of the next one."""
-    finding, best = fitted(record, group, effects)
+def compared(row: HeldOut) -> list[tuple[str, Size, Size, bool]]:
+    """Effect and parameter, what the others say, what the log says, and whether that agrees, of each size that both tell."""
+    found = []
+    for effect in row.together.keys() & row.alone.keys():
+        for name in row.together[effect].keys() & row.alone[effect].keys():
+            others, own = row.together[effect][name], row.alone[effect][name]
+            reach = math.hypot(0.5 * (others[2][1] - others[2][0]), 0.5 * (own[1][1] - own[1][0]))
+            found.append((f"{effect} {name}", others, own, abs(own[0] - others[0]) <= reach))
+    return sorted(found, key=lambda item: item[0])
 
-    def off(name: str) -> float:
-        return 0.0 if name in group.trusted else finding.task.model.nominal(name)
 
-    return over_logs(best, repetitions(finding.task, group.drifts), off)
+def summary(rows: Sequence[HeldOut]) -> list[str]:
+    """How often the intervals hold, a sentence an axis and one for all."""
+    lines = []
+    for axis in [*dict.fromkeys(r.axis for r in rows), ""]:
+        agree = [same for r in rows if axis in ("", r.axis) for *_, same in compared(r)]
+        lines.append(
+            f"{axis or 'all'}: {sum(agree)} of {len(agree)} sizes of a log held out lie where the others say"
+        )
+    return lines
 
 
 def main() -> None:
-    """Hold each log out in turn."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    """Hold each log out in turn, and print each size and how often the intervals hold."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--axes", nargs="+", default=list(AXES), choices=list(AXES))
+    parser.add_argument("--rows", type=Path, help="file to which each row is added as a line of JSON")
+    options = parser.parse_args()
+    logs = sorted((DATA / "mini_excavator").glob("*.csv"))
+    if not logs:
+        sys.exit("no logs of the small excavator: say in COSIM_DATA where the folder mini_excavator is")
+    rows = []
+    table = Table(
+        "axis", "held out", "size", "from the others, 95 % of the next log", "its own, 95 %", "holds"
     )
-    parser.add_argument("logs", type=Path, nargs="+")
-    parser.add_argument("--mapping", type=Path, required=True)
-    parser.add_argument("--effects", nargs="+", required=True)
-    asked = parser.parse_args()
-    logs = [load_log(file, asked.mapping) for file in asked.logs]
-    machine = machine_of(None, logs[0], asked.mapping)
-    record = joined([prepare(log, machine) for log in logs])
-    (group,) = merged(machine.groups, record.signals)
-    known = {e.name: e for e in group.effects()}
-    effects = tuple(known[name] for name in asked.effects)
-    table = Table("held out", "parameter", "its own, SI", "from the others, 95 % of the next log", "holds")
-    inside = total = 0
-    with threadpool_limits(1):
-        for log, (others, held) in zip(logs, each_left_out(record), strict=True):
-            told = between(others, group, effects)
-            own = fitted(held, group, effects)[1]
-            for name, item in told.items():
-                low, high = item.next_ci95
-                holds = low <= own.values[name] <= high
-                inside, total = inside + holds, total + 1
-                table.add_row(
-                    log.name,
-                    name,
-                    f"{own.values[name]:.4g} +- {1.96 * own.deviations.get(name, 0.0):.2g}",
-                    f"{item.value:.4g} ({low:.4g} to {high:.4g})",
-                    "yes" if holds else "no",
+    for axis in options.axes:
+        for log in logs:
+            row = HeldOut(
+                axis, log.stem, told(axis, [other for other in logs if other != log]), told(axis, [log])
+            )
+            rows.append(row)
+            for name, others, own, same in compared(row):
+                first, second = (
+                    f"{value:.4g} ({low:.4g} to {high:.4g})"
+                    for value, (low, high) in ((others[0], others[2]), own[:2])
                 )
-    Console(width=140).print(table)
-    print(f"{inside} of {total} estimates from a log held out lie where the others say")
+                table.add_row(axis, log.stem, name, first, second, "yes" if same else "no")
+            if options.rows is not None:
+                with options.rows.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps(asdict(row)) + "\n")
+    Console(width=160).print(table)
+    print("\n".join(summary(rows)))
 
 
 if __name__ == "__main__":
