@@ -236,14 +236,14 @@ def read(
             else {str(port_of(system, connector)): connector for connector, _ in targets.values()}
         )
 
-        def connector(signal: str) -> str:
+        def meant(signal: str) -> str:
             if signal in targets:
                 return targets[signal][0]
             with suppress(DataError):  # said below
                 return known.get(str(port_of(system, signal)), signal)
             return signal
 
-        begins = {n: connector(s) for n, s in stated_starts.items()}
+        begins = {n: meant(s) for n, s in stated_starts.items()}
         options = options.model_copy(update={"start": begins})
         lacking += _bad_parameters(system, options, measured)
         lacking += _bad_starts(system, options, {connector for connector, _ in targets.values()})

@@ -26,9 +26,7 @@ COARSELY = 4.0  # times: so coarsely is it asked how long a sample takes, that a
 PROBES = 500, 1500  # samples that are run to learn it: what a start takes is in both
 STANDING = 50  # parts of the length wanted, for which the machine stands before a part begins
 AS_BEFORE = 0.02  # of a reading's range: so near to where the log begins it stands as it did there
-NEARLY_ALL = (
-    0.6  # of the samples: a part that is so much of the logs saves little and may miss what the rest shows
-)
+NEARLY_ALL = 0.6  # of the samples: such a part saves little and may miss what the rest shows
 BEGINS = 60  # places at most where a part may begin
 QUIET = 6.0  # times a reading's noise, over which it ranges where the machine stands
 

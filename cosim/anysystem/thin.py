@@ -18,9 +18,7 @@ Array = NDArray[np.float64]
 ENOUGH = 3000  # samples of the longest log: they describe what a log of that length can tell
 NOISE_ALONE = 1.1  # times a reading's white noise: what may be lost of it
 SAME = 1e-3  # of a signal's spread: two programs that integrate one model differ by that
-LITTLE = (
-    0.01  # of it, that a reading may lose where a run takes too long: else a part of the log would have to do
-)
+LITTLE = 0.01  # of it, that a reading may lose where a run takes too long: more is lost by a part of the log
 
 
 def averaged(series: Array, every: int) -> Array:
