@@ -1,5 +1,6 @@
 """The report of a diagnosis of any system: one HTML file, in the look of the drive's."""
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,10 @@ from cosim.files import write_text
 from cosim.plots import thinned
 from cosim.report.page import REPORT, alone, interval, need_extra, render, versions
 from cosim.report.picture import Layer, Panel, Picture
-from cosim.report.plain import advice, plain
+from cosim.report.plain import Link, advice, plain
 from cosim.report.screen import better, in_words, place, wrong
+
+MOST_SIGNALS = 3  # that are written beside a part
 
 TEXTS = {
     "parameter": "A parameter of the model has another value.",
@@ -61,7 +64,7 @@ def write_page(found: AnyDiagnosis, answer: Answer, folder: Path) -> Path | None
             *(("What it explains", plain(line)) for line in better(answer)),
         ],
         "advice": advice(answer),
-        "chain": [],
+        "chain": chain(found, answer),
         "doubts": [
             f"This log cannot tell {place(c)} from {' or '.join(in_words(other) for other in c.indistinguishable_from)}."
             for c in answer.causes
@@ -109,6 +112,36 @@ def write_page(found: AnyDiagnosis, answer: Answer, folder: Path) -> Path | None
     file = folder / REPORT
     write_text(file, render(sections, drawn))
     return file
+
+
+def chain(found: AnyDiagnosis, answer: Answer) -> list[Link]:
+    """The parts of a system in the order of its signals, with what drives each and its share of the error.
+
+    Nothing of a system that is judged as one part.
+    """
+    groups = [g for g in found.groups if g.name in found.findings or g.name in answer.not_judged]
+    if len(groups) < 2:
+        return []
+    links = []
+    for group in groups:
+        drives, makes = some(d.signal for d in group.drives), some(signal for signal, _ in group.judged)
+        finding = found.findings.get(group.name)
+        if finding is None:
+            links.append(Link(group.name, drives, makes, None, False, ""))
+            continue
+        share = sum(r.share for r in answer.localisation if {*r.block.split("+")} <= {*group.components})
+        own = [k for k, (name, _) in enumerate(found.causes(), 1) if name == group.name]
+        target = f"cause-{own[0]}" if own else "rest" if finding.unexplained else "signals"
+        within = not (finding.named or finding.unexplained)
+        links.append(Link(group.name, drives, makes, share, within, target))
+    return links
+
+
+def some(signals: Iterable[str]) -> str:
+    """The first of some signals, each once."""
+    names = list(dict.fromkeys(signals))
+    more = len(names) - MOST_SIGNALS
+    return ", ".join(names[:MOST_SIGNALS]) + (f" and {more} more" if more > 0 else "")
 
 
 def picture(found: AnyDiagnosis, k: int) -> Picture:

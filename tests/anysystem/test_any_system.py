@@ -1,6 +1,7 @@
 """`cosim diagnose` on a system of strangers: what is hidden is named at its connector, a clean log is adequate."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +52,11 @@ def test_a_hidden_effect_is_named_at_its_connector(
     assert found["localisation"][0]["block"] == cause["component"]
     page = (tmp_path / "out" / "report.html").read_text()
     assert "Where it goes wrong" not in page, "of FMUs nothing is drawn there"
+    other = next(name for name in ("valve", "plant") if name != cause["component"])
+    blocks = dict(re.findall(r'<a class="block[^>]*><b>(.*?)</b><span>(.*?)</span>', page))
+    assert blocks == {cause["component"]: "100 % of the error", other: "within noise"}
+    assert [*blocks] == ["valve", "plant"], "in the order of the signals"
+    assert '<span class="wire">command</span>' in page
     for text in (
         cause["effect"],
         f"{told['value']:.3g}"[:4],
