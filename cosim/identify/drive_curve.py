@@ -72,6 +72,7 @@ class DriveCurve:
         speeds: (m,) of the free curve.
         band: (2, m) its 95 % band.
         typical: error of the speed over a stretch.
+        spread: standard deviation of the speed over all stretches; of several logs the median.
         each: of every log alone, in the order of the logs; none where one tells nothing alone: then all are fitted together.
         names: of the logs.
     """
@@ -86,11 +87,12 @@ class DriveCurve:
     each: "tuple[DriveCurve, ...]" = ()
     names: tuple[str, ...] = ()
     points: tuple[Array, Array] = field(default=(np.empty(0), np.empty(0)), repr=False)
+    spread: float = 0.0
 
     @property
     def left(self) -> float:
         """Share of how the speed varies that the curve leaves: about 1 where the command does not set the speed."""
-        return left_of(self.typical, self.points[1])
+        return self.typical / self.spread if self.spread > 0.0 else 0.0
 
     @property
     def scattered(self) -> bool:
@@ -147,6 +149,7 @@ def drive_curve(runs: Sequence[Run]) -> DriveCurve:
         each,
         tuple(run.name for run in runs),
         (points[0], points[1]),
+        float(np.median([c.spread for c in each])),
     )
 
 
@@ -201,7 +204,10 @@ def _of(runs: Sequence[Run]) -> DriveCurve:
     points = (np.concatenate([log.mean_command() for log in logs])[steady], goal[steady])
     band = np.array([speeds - off, speeds + off])
     names = tuple(log.run.name for log in logs)
-    return DriveCurve(values, float(x[6]), float(x[7]), knots, speeds, band, typical, (), names, points)
+    spread = float(np.std(goal))
+    return DriveCurve(
+        values, float(x[6]), float(x[7]), knots, speeds, band, typical, (), names, points, spread
+    )
 
 
 def _untold(logs: Sequence[Fine], left: float) -> DataError:

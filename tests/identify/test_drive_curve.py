@@ -121,6 +121,27 @@ def test_a_drive_on_a_spring_has_no_curve_of_its_own():
     assert drive_curve([made(1)]).left < 0.5 * OF_ITS_OWN
 
 
+def test_what_a_curve_leaves_is_held_against_all_speeds() -> None:
+    """A loop closed around a cylinder: its command is held at rest only, and it moves while that falls to the dead zone."""
+    reference = np.cumsum(np.repeat([0.0, 1.0, 1.0, 1.0, -1.0, -1.0, -1.0, 1.0, 1.0, -1.0, -1.0], 1)).repeat(
+        1000
+    )
+    h, speed, place, commands, places = STEP / FINE, 0.0, 0.0, [], []
+    for k in range(reference.size):
+        u = float(np.clip(0.9 * (reference[k] - place), -1.0, 1.0))
+        commands.append(u)
+        places.append(place)
+        goal = float(static(np.array([u]), TRUTH)[0])
+        for _ in range(FINE):
+            speed += (goal - speed) * h / LAG
+            place += speed * h
+    noise = 1e-4 * np.random.default_rng(4).standard_normal(reference.size)
+    found = drive_curve(
+        [Run("loop", STEP * np.arange(reference.size), np.array(commands), np.array(places) + noise)]
+    )
+    assert found.left < 0.05
+
+
 def test_intervals_hold_for_the_next_log():
     """Four machines whose dead zones and slopes differ from day to day, five logs each known."""
     rng = np.random.default_rng(8)
