@@ -165,7 +165,7 @@ def diagnose_any(
                 warn(found.notes[-1])
             for text in allowed.warnings:
                 warn(text)
-            untold = untrusted(found, options)
+            untold = untrusted(found, options, calibrate)
             for text in untold:
                 warn(text)
             found.notes = [*notes, *found.notes, *untold, *allowed.warnings]
@@ -200,8 +200,8 @@ def diagnose_any(
     return result
 
 
-def untrusted(found: AnyDiagnosis, options: AnyOptions) -> list[str]:
-    """What to say where a component stays unexplained and none of its parameters could have been named."""
+def untrusted(found: AnyDiagnosis, options: AnyOptions, calibrate: bool) -> list[str]:
+    """What to say where a component stays unexplained and its parameters are not trusted, or may not be to be trusted."""
     known = {name.partition(".")[0] for name in (*options.trusted, *options.free)}
     lost = [
         name
@@ -210,12 +210,26 @@ def untrusted(found: AnyDiagnosis, options: AnyOptions) -> list[str]:
         for name in finding.model.group.components
         if any(settable(v) for v in found.system.components[name].fmu.variables.values())
     ]
-    if not lost:
-        return []
-    return [
-        f"no parameter of {' and '.join(lost)} is trusted or free, so none could be named: list those that you know to a "
-        "tolerance in the mapping, [diagnose] trusted (cosim init writes them as a comment), and diagnose again"
+    trusted = {name.partition(".")[0] for name in options.trusted}
+    strained = [
+        name
+        for finding in found.findings.values()
+        if finding.unexplained and not calibrate
+        for name in finding.model.group.components
+        if name in trusted
     ]
+    said = []
+    if strained:
+        said.append(
+            f"what is trusted of {' and '.join(strained)} may be further off than that, several numbers at once: "
+            "--calibrate fits it freely and says what that alone gains"
+        )
+    if lost:
+        said.append(
+            f"no parameter of {' and '.join(lost)} is trusted or free, so none could be named: list those that you know to "
+            "a tolerance in the mapping, [diagnose] trusted (cosim init writes them as a comment), and diagnose again"
+        )
+    return said
 
 
 def unlisted(system: System) -> list[str]:

@@ -301,6 +301,8 @@ ANY_SYSTEM = [
     "slow.csv: in the rest of it the error of part_1.y is 3 times that of the part used",
     "beside FMUs a diagnosis may take 600 s: more with --budget 1h",
     "log_2.csv: there is no column 'Cmd_1': part_1.u is taken from the other logs",
+    "what is trusted of part_1 and part_2 may be further off than that, several numbers at once: --calibrate fits it freely "
+    "and says what that alone gains",
     "no parameter of part_1 and part_2 is trusted or free, so none could be named: list those that you know to a tolerance "
     "in the mapping, [diagnose] trusted (cosim init writes them as a comment), and diagnose again",
     "part_1.fmu: no InitialUnknowns, which FMI demands for its outputs; it is run all the same",
