@@ -161,6 +161,7 @@ def _pick_mapped(source: Source, name: str, column: SignalColumn, mapping: Mappi
     minus = None if column.minus is None else _find(source, column.minus, name)
     label = source.labels[index]
     unit = column.unit or label.unit
+    source.settled |= {index} if column.unit else set()
     if unit is None:
         raise DataError(
             f"{source.path}: column '{label.text}' has no unit: give 'signals.{name}.unit' in the mapping ('1' for none)"

@@ -90,6 +90,7 @@ class Source(ABC):
         labels: its columns, in their order.
         constants: single numbers stored beside the columns (MAT files), which a mapping may use as gains.
         warnings: what the reader had to do to the file.
+        settled: columns whose unit the user has said, by their index.
     """
 
     row_word = "row"
@@ -101,6 +102,7 @@ class Source(ABC):
         self.labels = tuple(labels)
         self.constants = constants or {}
         self.warnings: list[str] = []
+        self.settled: set[int] = set()
 
     @abstractmethod
     def read(self, indices: Sequence[int]) -> list[Array]:

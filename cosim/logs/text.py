@@ -373,7 +373,9 @@ class TextSource(Source):
                 yield line, cells
 
     def _tell_twice(self, text: str, prefix: str, k: int) -> None:
-        """Warns where a column's unit has the prefix as well: ``5m`` under ``(mA)``."""
+        """Warns where a column's unit has the prefix as well: ``5m`` under ``(mA)``, unless the user has said the unit."""
+        if k - self._lead in self.settled:
+            return
         found = _IN_BRACKETS.search(self._heading(k))
         if found is None or not found[1].startswith(prefix):
             return

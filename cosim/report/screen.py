@@ -301,17 +301,18 @@ def next_step(result: Answer, out: Path, driven: str = "") -> str:
         return "correct the mapping or record again as noted, and diagnose again"
     if result.extended is not None and result.causes:
         return f"cosim simulate {typed(result.extended.ssp)}{driven} runs the extended model"
-    # of a machine that is not the crane nobody has a tracker: another sensor of its motion shows as much
-    helpful = [
-        line
-        for text in result.helpful_signals
-        if (line := without_tracker(text) if result.words.blocks else text)
-    ]
+    helpful = further_signals(result)
     if helpful:
         return f"log more: {in_words(few(helpful[0], MOST_NAMES))}"
     return (
         f"look at what is left over in {out / REPORT}; a longer log, or one with more signals, may tell more"
     )
+
+
+def further_signals(result: Answer) -> list[str]:
+    """What further signals would show; of a machine that is not the crane nobody has a tracker."""
+    lines = [without_tracker(text) if result.words.blocks else text for text in result.helpful_signals]
+    return [line for line in lines if line]
 
 
 def driven_by(result: Answer, log: Path, mapping: Path | None) -> str:
@@ -368,7 +369,7 @@ def tables(result: Answer) -> Iterator[object]:
             ["residual", "effects"],
             [(", ".join(x.residual), ", ".join(x.effects)) for x in result.isolability],
         )
-    if result.helpful_signals:
-        yield table("Further signals", ["what they would add"], [(text,) for text in result.helpful_signals])
+    if helpful := further_signals(result):
+        yield table("Further signals", ["what they would add"], [(in_words(text),) for text in helpful])
     if never := not_shown(result):
         yield table("Not shown by this log", ["effect"], [(known_as(e),) for e in never])

@@ -5,7 +5,7 @@ import pytest
 from log_files import HEADER, rows
 
 from cosim.errors import DataError, HeadlessError
-from cosim.logs import load_log
+from cosim.logs import load_log, load_mapping
 from cosim.logs.overview import overview, unit_within
 from cosim.logs.text import TextSource
 
@@ -140,6 +140,10 @@ def test_a_prefix_beside_a_unit_that_has_it_and_digits_that_change_with_it_are_t
     twice, digits = (next(w for w in found.warnings if t in w) for t in ("was read as", "few digits"))
     assert "'-50.5m' was read as -0.0505 mA; if it means -50.5 mA, write unit = \"A\"" in twice
     assert "Flow (GPM) - Plot 0" in digits
+    said = '[time]\nstep = 0.01\n[signals]\ncurrent = { column = "Current (mA) - Plot 0", unit = "A" }\n'
+    read = load_log(found.path, load_mapping(write(said, "said.toml")))
+    assert read["current"][0] == pytest.approx(-0.0505)
+    assert not any("was read as" in w for w in read.warnings)
     assert "rounded to 0.0001 where it is small and to 0.1 where it is large" in digits
 
 

@@ -25,9 +25,10 @@ from cosim.diagnosis.answer.schema import (
     Words,
 )
 from cosim.errors import UsageError
+from cosim.lexicon import ELECTRIC_DRIVER, Lexicon, speaking
 from cosim.report.earlier import COMPARED, FILES, Earlier
 from cosim.report.material import Material
-from cosim.report.screen import in_words, known_as, lines, show, tables
+from cosim.report.screen import further_signals, in_words, known_as, lines, show, tables
 from cosim.report.words import NAMES, phrase, with_signals
 from cosim.system.effects import EFFECTS as PORT_EFFECTS
 from fmus import registry
@@ -268,6 +269,16 @@ def test_another_machine_is_asked_for_a_second_sensor_and_no_tracker():
     assert lines(other, OUT)[-1] == (
         "Next: log more: second sensor of the motion would make visible: a scale error of the sensor (sensor.gain)"
     )
+
+
+def test_further_signals_of_an_electric_machine_are_told_in_its_words():
+    helpful = ["p_load would make visible: sensor.gain", "slew_external would make visible: tracker.clock"]
+    blocks = {"dcv": ELECTRIC_DRIVER, "mechanical": "motor"}
+    result = empty_answer(helpful_signals=helpful, words=Words(blocks=blocks))
+    with speaking(Lexicon(blocks=blocks)):
+        assert [in_words(line) for line in further_signals(result)] == [
+            "motor current would make visible: a scale error of the sensor (sensor.gain)"
+        ]
 
 
 def test_the_report_is_named_where_there_is_one(tmp_path):

@@ -180,13 +180,7 @@ def named(diagnosis: Diagnosis, cause: Cause) -> NamedCause:
         value, deviation = cause.parameters[parameter]
         value = diagnosis.values.get(name, value)
         deviation = max(deviation, diagnosis.deviations.get(name, 0.0))
-        told = parameter_of(diagnosis, name, variable, value, deviation)
-        _, scale = current().parameter(variable)
-        low, high = variable.low * scale, variable.high * scale
-        within = {"ci95": (max(low, told.ci95[0]), min(high, told.ci95[1]))}
-        if told.next_log_ci95 is not None:
-            within["next_log_ci95"] = (max(low, told.next_log_ci95[0]), min(high, told.next_log_ci95[1]))
-        parameters[parameter] = told.model_copy(update=within)
+        parameters[parameter] = parameter_of(diagnosis, name, variable, value, deviation)
     nearest: dict[str, float] = {}  # an effect may have been tried in several sets of causes
     for effect, behind in cause.rivals:
         nearest[effect.name] = min(behind, nearest.get(effect.name, behind))
@@ -270,14 +264,23 @@ def unmoved(diagnosis: Diagnosis, cause: Cause) -> set[str]:
 def parameter_of(
     diagnosis: Diagnosis, name: str, variable: Variable, value: float, deviation: float
 ) -> Parameter:
-    """An estimate in display units; of several logs with what each says by itself."""
+    """An estimate in display units, its interval no further than it can be; of several logs what each says by itself."""
     unit, scale = current().parameter(variable)
     reach, item = 1.96 * deviation, diagnosis.between.get(name)
     if item is None:
-        return Parameter(
-            value=value * scale, unit=unit, ci95=((value - reach) * scale, (value + reach) * scale)
-        )
-    return with_logs(diagnosis, item, value, unit, scale)
+        ends = ((value - reach) * scale, (value + reach) * scale)
+        told = Parameter(value=value * scale, unit=unit, ci95=ends)
+    else:
+        told = with_logs(diagnosis, item, value, unit, scale)
+    return clipped(told, variable.low * scale, variable.high * scale)
+
+
+def clipped(told: Parameter, low: float, high: float) -> Parameter:
+    """A parameter whose intervals end where it can be no further."""
+    within = {"ci95": (max(low, told.ci95[0]), min(high, told.ci95[1]))}
+    if told.next_log_ci95 is not None:
+        within["next_log_ci95"] = (max(low, told.next_log_ci95[0]), min(high, told.next_log_ci95[1]))
+    return told.model_copy(update=within)
 
 
 def with_logs(diagnosis: Diagnosis, item: Between, value: float, unit: str, scale: float) -> Parameter:
@@ -306,7 +309,10 @@ def speeds_at(diagnosis: Diagnosis, cause: Cause, limits: Iterable[str]) -> dict
         if item is not None:
             signal = diagnosis.findings[cause.group].task.model.group.observed[0]
             unit, scale = shown(signal)
-            found[limit] = with_logs(diagnosis, item, item.value, of_speed(unit), scale)
+            told = with_logs(diagnosis, item, item.value, of_speed(unit), scale)
+            # a limit to one side is none to the other
+            sides = (0.0, np.inf) if item.value > 0.0 else (-np.inf, 0.0)
+            found[limit] = clipped(told, *sides)
     return found
 
 
