@@ -21,6 +21,7 @@ from cosim.diagnosis.residuals.reference import (
     in_turn,
     of_whole,
     quickest,
+    with_gains_of,
 )
 from cosim.diagnosis.thresholds import REFERENCE_PARTS, REFERENCE_WINDOWS
 from cosim.diagnosis.verdict import FREE_CURVE
@@ -53,6 +54,22 @@ def test_points_lie_as_fine_as_a_signal_needs() -> None:
     t = np.arange(6000) * h
     assert quickest(np.sin(2.0 * np.pi * 72.0 * t), t, h) == 1
     assert quickest(np.sin(2.0 * np.pi * 1.0 * t), t, h) > 10
+
+
+@pytest.mark.parametrize("pole", [0.5012, 0.5, 0.4, 1.0])
+def test_a_pole_that_coarse_data_just_tell_from_an_integrator_is_predicted_on_fine_ones(pole: float) -> None:
+    """2 s of coarse samples are 1.99 s of fine ones: the reference of a whole log failed."""
+    models = []
+    for h, count in ((0.02, 100), (0.01, 199)):
+        t = h * np.arange(count)
+        u = (t > 0.3) * 1.0
+        data = Data(
+            u, 1.0 + np.convolve(u, np.exp(-pole * t))[:count] * h, h, lambda rows: rows, np.arange(count) % 5
+        )
+        models.append((data, model_of(data, Sections((pole,)), data.y)))
+    (_, coarse), (fine, own) = models
+    model = with_gains_of(coarse, fine)
+    assert np.array_equal(model.predicted(fine.u, fine.h), own.predicted(fine.u, fine.h))
 
 
 def test_a_log_sampled_slowly_has_windows_of_many_samples() -> None:

@@ -411,7 +411,8 @@ def with_gains_of(model: LinearModel, data: Data) -> LinearModel:
     """
     solved = data.solved(model.sections, data.rows(data.y[None])[0])
     lower = tuple(with_gains_of(one, data) for one in model.lower)
-    return replace(model, gains=solved.gains, rest=data.rest, lower=lower)
+    # what is too slow to be told from an integrator depends on the length by which the gains were found
+    return replace(model, gains=solved.gains, length=data.length, rest=data.rest, lower=lower)
 
 
 def least_left(
