@@ -192,6 +192,7 @@ def test_the_neutral_may_be_shifted() -> None:
     assert r.play([[1.0]] * 4)[-1, 0] == STOP
 
 
+DELAYED = compose(registry.block("dcv"), [registry.effects()["dcv.delay"]])
 VARIED = compose(registry.block("dcv"), [registry.effects()["dcv.amplitude_damping"]])
 
 
@@ -266,3 +267,20 @@ def test_small_steps_are_damped_more_than_large_ones() -> None:
 
     assert overshoot(0.05, 1.0) < 1e-3 < overshoot(1.0, 1.0) < overshoot(1.0, 0.0)
     assert overshoot(0.05, 0.0) == pytest.approx(overshoot(1.0, 0.0), rel=1e-9)
+
+
+@pytest.mark.parametrize("steps", [0.0, 0.25, 1.0, 17.5, 4091.0, 4092.0, 4093.0, 9000.5, 40000.0])
+def test_a_delay_of_any_number_of_steps(steps: float) -> None:
+    """At 0.1 ms a delay of more than 0.41 s was as long as that and no longer."""
+    h, count = 1e-4, int(steps) + 6000
+    t = h * np.arange(count)
+    demands = 0.5 * np.sin(2.0 * np.pi * 2.0 * t) + 0.3 * (t > 0.1)
+    valve = {"w0": 1e5, "zeta": 1.0}  # follows within a step
+    spool = run(DELAYED, h, [0.0], {**valve, "tau_d": steps * h}).play(demands[:, None])[:, 0]
+    plain = run(BLOCK, h, [0.0], valve).play(demands[:, None])[:, 0]
+    expected = np.interp(np.arange(-1, count) - steps, np.arange(-1, count), [0.0, *plain])[1:]
+    # where places hold the mean of several steps, an edge is blurred by as many
+    sharp = np.abs(h * np.arange(count) - 0.1 - steps * h) > 12.0 * h
+    assert spool[sharp] == pytest.approx(expected[sharp], abs=(1e-3 if steps < 20000.0 else 0.01) * K)
+    if steps < 4092.0 and steps % 1.0 == 0.0:
+        assert spool == pytest.approx(expected, abs=1e-9 * K)
