@@ -173,6 +173,8 @@ def turned_down(item: Refused, named: Collection[str]) -> RefusedCause:
             f"it gains {item.gain:.0f} in log-likelihood on the fitted data, but readings pass the limit: "
             f"{beyond.signal} reaches {beyond.reading * scale:.4g} {unit}, and it would end at {beyond.limit * scale:.4g}"
         )
+    elif not item.sure and item.gain < 0.0:
+        why = f"taken as a whole the fitted data are explained no better with it; {error}"
     elif not item.sure:
         why = (
             f"it gains {item.gain:.0f} in log-likelihood on the fitted data, but taken as a whole these do not determine "
