@@ -426,8 +426,8 @@ def test_a_stop_of_a_valve_that_nobody_measured_is_told_by_the_top_speed():
 
 
 def test_a_limit_of_a_demanded_place_is_told_as_a_speed():
-    """ "9.31 full command/s" of a linear actuator that moves at 46 mm/s."""
-    own = {"v_max": Parameter(value=9.31, unit="full command/s", ci95=(9.14, 9.48))}
+    """The rate of the demand within the drive, 9.31 full command/s, is 46 mm/s of a linear actuator."""
+    own = {"v_max": Parameter(value=9.31, unit="mm/s", ci95=(9.14, 9.48))}
     tops = {"v_max": Parameter(value=46.3, unit="mm/s", ci95=(45.8, 46.7))}
     cause = friction(effect="dcv.rate_limit", parameters=own, top_speed=tops)
     told = lines(empty_answer(causes=[cause], words=SCALE), OUT)[1]
