@@ -1107,9 +1107,21 @@ def machine_lines(found: Overview, made: dict[str, Guess]) -> list[str]:
         *(['drive = "electric"    # CHECK: a motor; "hydraulic" for oil'] if electric(found, made) else []),
         *([] if driver is None else [f"input = {_quoted(driver)}"]),
         *([] if motion == "slew" else [f"output = {_quoted(motion)}"]),
-        f'speed = "?"    # at a {driver or "command"} of 1, as "{example}"; "?": from the log',
+        f'speed = "{demand}"    # CHECK: the place at a command of 1, which is the largest demand'
+        if (demand := largest_demand(made, motion))
+        else f'speed = "?"    # at a {driver or "command"} of 1, as "{example}"; "?": from the log',
         'lag = "?"    # as "150 ms"',
     ]
+
+
+def largest_demand(made: dict[str, Guess], motion: str) -> str:
+    """The place that a command of 1 asks for, with its unit, where a demanded place was logged in one; else empty."""
+    if not ("u" in made and made["u"].place and motion in made):
+        return ""
+    asked, shown = made["u"].column.unit, made[motion].column.unit
+    if asked is None or shown is None or not _convertible(asked, shown):
+        return ""
+    return f"{1.0 / made['u'].gain:.4g} {asked}"
 
 
 def texts_of(model: str | None) -> dict[str, str]:

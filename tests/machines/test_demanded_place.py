@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from cosim.browser.form import machine_of as machine_of_page
+from cosim.diagnosis.answer import remarks
 from cosim.diagnosis.answer.curve import curve_of
 from cosim.diagnosis.answer.remarks import at_once, itself
 from cosim.diagnosis.model.choice import machine_of
@@ -131,6 +132,36 @@ def test_the_target_drives_and_not_the_current_that_the_loop_makes_of_it(tmp_pat
     assert found["u"].column.label.short == "target-position"
     assert found["u"].place
     assert found["travel"].column.label.shown == measured
+    largest = 1.0 / found["u"].gain
+    assert largest == pytest.approx(np.max(np.abs(target)), rel=1e-3)
+    assert f'speed = "{largest:.4g} mm"' in mapping_text(overview(file), found, None), (
+        "what a command of 1 asks for is known"
+    )
+
+
+@pytest.mark.parametrize(("held", "told"), [(1.6, True), (1.95, False)])
+def test_a_drive_that_stays_short_of_its_demand_is_told(monkeypatch, held, told):
+    """A servo with a weight held 79 % of its goals: the gain was fitted, and nothing said so."""
+    fit = SimpleNamespace(values={"mechanical.b": 1.0})
+    group = SimpleNamespace(place=True, observed=("slew",))
+    finding = SimpleNamespace(
+        task=SimpleNamespace(model=SimpleNamespace(group=group)),
+        lacks_linear=False,
+        chosen=SimpleNamespace(effects=(), fit=fit),
+    )
+    found = SimpleNamespace(
+        machine=SimpleNamespace(mapping=SimpleNamespace(machine={"speed": "2 rad"})),
+        findings={"mechanical": finding},
+        values={},
+    )
+    monkeypatch.setattr(remarks, "static_speeds", lambda *given: [held])
+    monkeypatch.setattr(remarks, "what_stands", lambda finding: SimpleNamespace(fit=fit))
+    notes = remarks.short_of_demand(found)
+    assert [n.partition(":")[0] for n in notes] == (
+        ["of a demand of 114.6 deg the drive holds 91.67 deg (80 %)"] if told else []
+    )
+    found.machine.mapping.machine["speed"] = "?"
+    assert remarks.short_of_demand(found) == []
 
 
 def test_a_limit_of_its_rate_is_told_as_a_speed_of_the_place(tmp_path):
