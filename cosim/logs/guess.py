@@ -42,6 +42,10 @@ _VOLTAGE = r"volt|spannung"
 _FED = r"\bpsu\b|batter|\bvbat\b|\bvin\b|\bvcc\b|(supply|input|bus|link|versorgungs|zwischenkreis) ?(volt|spannung)"
 # what was asked for, not what was measured
 _REFERENCE = r"\bref\b|referen|\btarget\b|\bgoal\b|\bsoll|desired|commanded|\bdes$|demand|\bset\b|gewenst"
+# what was measured of it, where both have a name
+_AS_MEASURED = (
+    r"^(actual|act|measured|meas|feedback|fb|fbk|present|current|real|ist|istwert|istlage|mesure|medido)$"
+)
 _ANGLE = (
     r"slew|swing|schwenk|dreh|winkel|angle|angul|angolo|vinkel|kulma|hoek\b|\bkat\b|rotat|\bgiro|theta|\bphi\b|\bpsi\b|\bang\b"
     r"|\bq \d+\b"  # a robot's joint; a flow has its unit beside
@@ -745,10 +749,14 @@ def demanded(free: list[Column], made: dict[str, Guess]) -> Guess | None:
 
 
 def demands(column: Column, motion: Column) -> bool:
-    """Whether a column is the place that a drive is to hold: called as its motion is but for a word, and followed by it."""
+    """Whether a column is the place that a drive is to hold: called as its motion is but for a word, and followed by it.
+
+    ``target position`` goes with ``position`` and with ``actual position``.
+    """
     asked = [w for w in _words(column) if re.search(rf"{_COMMAND}|{_REFERENCE}", w)]
     named = sorted(w for w in _words(column) if w not in asked)
-    if not asked or named != sorted(_words(motion)) or column.constant:
+    shown = sorted(w for w in _words(motion) if not re.search(_AS_MEASURED, w))
+    if not asked or named not in (shown, sorted(_words(motion))) or column.constant:
         return False
     if column.values.size != motion.values.size or motion.missing > LACKING * motion.values.size:
         return False
@@ -1099,9 +1107,21 @@ def machine_lines(found: Overview, made: dict[str, Guess]) -> list[str]:
         *(['drive = "electric"    # CHECK: a motor; "hydraulic" for oil'] if electric(found, made) else []),
         *([] if driver is None else [f"input = {_quoted(driver)}"]),
         *([] if motion == "slew" else [f"output = {_quoted(motion)}"]),
-        f'speed = "?"    # at a {driver or "command"} of 1, as "{example}"; "?": from the log',
+        f'speed = "{demand}"    # CHECK: the place at a command of 1, which is the largest demand'
+        if (demand := largest_demand(made, motion))
+        else f'speed = "?"    # at a {driver or "command"} of 1, as "{example}"; "?": from the log',
         'lag = "?"    # as "150 ms"',
     ]
+
+
+def largest_demand(made: dict[str, Guess], motion: str) -> str:
+    """The place that a command of 1 asks for, with its unit, where a demanded place was logged in one; else empty."""
+    if not ("u" in made and made["u"].place and motion in made):
+        return ""
+    asked, shown = made["u"].column.unit, made[motion].column.unit
+    if asked is None or shown is None or not _convertible(asked, shown):
+        return ""
+    return f"{1.0 / made['u'].gain:.4g} {asked}"
 
 
 def texts_of(model: str | None) -> dict[str, str]:

@@ -131,7 +131,7 @@ def beyond_one(machine: MachineTable, logs: Sequence[Log]) -> list[str]:
     """What to say of a command that goes beyond 1 where the file states the speed that a command of 1 brings."""
     own = [log[machine.input] for log in logs if machine.input == "u" and "u" in log]
     largest = max((float(np.abs(values).max()) for values in own), default=0.0)
-    if machine.speed in (None, UNKNOWN) or largest <= SIGNALS["u"].high:
+    if machine.speed in (None, UNKNOWN) or machine.places or largest <= SIGNALS["u"].high:
         return []
     return [
         f'u goes to {largest:.3g}: speed = "{machine.speed}" is then what a command of 1 brings, and not full command; if '

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from cosim.diagnosis.answer.answer import unmoved
+from cosim.diagnosis.extension import estimate
 from cosim.diagnosis.fitting import trials
 from cosim.diagnosis.fitting.chain import task_for
 from cosim.diagnosis.fitting.fit import Fit, Task
-from cosim.diagnosis.fitting.limits import Passed, idle, passed, passed_in_fit
+from cosim.diagnosis.fitting.limits import Passed, idle, passed, passed_in_fit, unmet
 from cosim.diagnosis.fitting.trials import tried
 from cosim.diagnosis.found import Cause, Diagnosis
 from cosim.diagnosis.hypotheses.naming import nominal
@@ -87,6 +88,45 @@ def test_a_limit_that_other_readings_pass_is_none(stopped: Task, gives_way: floa
     far = replace(fit, values=limits | {"mechanical.theta_max": np.radians(14.0)})
     (found,) = passed(task, stop, far, {"slew": task.measured["slew"]})
     assert np.degrees(found.reading) == pytest.approx(16.0, abs=0.1)  # of the fitted ones themselves
+
+
+@pytest.mark.parametrize(
+    ("ends", "alone"), [((16.1, 1e9), False), ((30.0, 1e9), True), ((30.0, 11.9), False)]
+)
+def test_an_end_that_no_reading_comes_near_is_none(
+    stopped: Task, ends: tuple[float, float], alone: bool
+) -> None:
+    """A model that goes on too far met one 1 mm beyond all readings of an actuator of 10 mm."""
+    stop, nowhere = registry.effects()["mechanical.end_stop"], stopped.model.nominal("mechanical.theta_min")
+    limits = {
+        "mechanical.theta_max": np.radians(ends[0]),
+        "mechanical.theta_min": nowhere if ends[1] == 1e9 else np.radians(ends[1]),
+    }
+    fit = Fit(limits, dict.fromkeys(limits, 1e-5), 0.0, 0, {}, np.empty((0, 0)))
+    assert unmet(stopped, stop, fit) is alone
+
+
+def test_an_estimate_whose_limit_readings_pass_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of two estimates of a cause the free run's was better on the held-out data and had stops well within the travel."""
+    stop = registry.effects()["mechanical.end_stop"]
+    near, far = (Fit({"mechanical.theta_max": v}, {}, 0.0, 0, {}, np.empty((0, 0))) for v in (0.2, 0.5))
+    group = SimpleNamespace(drifts=True)
+    task: Any = SimpleNamespace(rules={"slew": None}, model=SimpleNamespace(group=group))
+    finding: Any = SimpleNamespace(task=task, null=SimpleNamespace(fit=far))
+    told: Any = SimpleNamespace(
+        record=SimpleNamespace(cuts=()), held=SimpleNamespace(record=SimpleNamespace(signals={"slew": None}))
+    )
+    monkeypatch.setattr(estimate, "what_stands", lambda finding: SimpleNamespace(fit=far))
+    monkeypatch.setattr(estimate, "refitted", lambda *given, mask: near)
+    monkeypatch.setattr(estimate, "onward", lambda *given: far)
+    monkeypatch.setattr(estimate, "worth_naming", lambda *given: True)
+    monkeypatch.setattr(estimate, "held_error", lambda *given: given[5].values["mechanical.theta_max"])
+    beyond = Passed("slew", 0.2, 0.4, False)
+    monkeypatch.setattr(
+        estimate, "passed_in", lambda held, task, effect, fit: [beyond] if fit is near else []
+    )
+    estimate.estimate_alone(told, finding, (stop,), NOMINAL_TRUST, {})
+    assert told.values["mechanical.theta_max"] == 0.5
 
 
 def test_a_size_that_changes_nothing_is_known_as_such() -> None:

@@ -343,6 +343,24 @@ def test_a_limit_that_held_out_readings_pass_is_not_sure(monkeypatch) -> None:
     assert told.why.endswith("pass the limit: slew reaches 22.92 deg, and it would end at 17.19")
 
 
+def test_a_refused_cause_gains_no_negative_log_likelihood() -> None:
+    """ "It gains -57 in log-likelihood": found in windows of its own, it explains nothing of the whole log."""
+    told = turned_down(Refused(BACKLASH, "mechanical", "slew", -57.0, 0.1, 0.1, False), ())
+    assert told.why == (
+        "taken as a whole the fitted data are explained no better with it; on held-out data the error of slew stays at "
+        "5.73 deg with it"
+    )
+
+
+def test_a_limit_that_no_reading_comes_near_is_not_sure(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refitted(finding, effects, tolerance, near):
+        return replace(FIT, residuals={"slew": np.ones(48)})
+
+    step = stepper_of(monkeypatch, refitted)
+    monkeypatch.setattr(held_out, "unmet", lambda task, effect, *_: effect is STOP)
+    assert step((STOP, COULOMB)).unsure == (STOP.name,)
+
+
 @pytest.mark.parametrize(
     ("with_it", "told"),
     [

@@ -1,6 +1,7 @@
 """Dead zone, end of the opening and ends of the travel together: found where one by one each bends the others."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -89,7 +90,7 @@ def test_what_a_stop_and_a_damping_have_in_common_does_not_change_the_speed(
     names = ["mechanical.b", "dcv.x_max"]
     speed = settled(task.model, 1.0, values)
     assert speed is not None
-    slopes = slopes_of(task.model, 1.0, values, names, speed)
+    slopes = slopes_of(partial(settled, task.model, 1.0), values, names, speed)
     assert slopes is not None
     shares = slopes * [values[n] for n in names] / driven(1.0)
     assert shares == pytest.approx([-1.0, 1.0], rel=5e-3)

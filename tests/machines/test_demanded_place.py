@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 
 from cosim.browser.form import machine_of as machine_of_page
+from cosim.diagnosis.answer import remarks
 from cosim.diagnosis.answer.curve import curve_of
 from cosim.diagnosis.answer.remarks import at_once, itself
 from cosim.diagnosis.model.choice import machine_of
 from cosim.diagnosis.pipeline.diagnose import diagnose, prepare
 from cosim.diagnosis.record.record import joined
+from cosim.diagnosis.thresholds import CALIBRATED_TRUST
 from cosim.errors import DataError
 from cosim.identify.run_drive import drive_answer
 from cosim.lexicon import speaking
@@ -34,14 +36,22 @@ chain = ["dead_zone", "dcv", "continuity", "mechanical", "sensor"]
 LATE, LAG, STEP = 0.12, 0.06, 0.01  # s
 
 
-def servo(folder: Path, late: float = LATE) -> tuple[Path, Path]:
-    """A log of steps with supply voltage and temperature, and its mapping as `cosim init --machine` writes it."""
+def servo(folder: Path, late: float = LATE, fastest: float = np.inf) -> tuple[Path, Path]:
+    """A log of steps with supply voltage and temperature, and its mapping as `cosim init --machine` writes it.
+
+    Args:
+        folder: where to write them.
+        late: s, delay of the servo.
+        fastest: 1/s, rate at which it lets its goal change.
+    """
     t = STEP * np.arange(4000)
     rng = np.random.default_rng(5)
     # ramps of 0.5 s: what stands between the corners of a step is the business of a linear model of free order
     goal = np.interp(t, 0.5 * np.arange(81), rng.uniform(-1.0, 1.0, 81))
     asked = np.roll(goal, round(late / STEP))
     asked[: round(late / STEP)] = goal[0]
+    for k in range(1, t.size):
+        asked[k] = asked[k - 1] + np.clip(asked[k] - asked[k - 1], -fastest * STEP, fastest * STEP)
     place = np.full(t.size, goal[0])
     kept = np.exp(-STEP / LAG)
     for k in range(1, t.size):
@@ -104,6 +114,67 @@ def test_the_page_knows_it_too(tmp_path):
     assert table["command"] == "place"
     assert "sensor" not in table["chain"]
     assert "command" not in machine_of_page(found, entries | {"u": {"column": "input_volts", "unit": "V"}})
+
+
+@pytest.mark.parametrize("measured", ["actual-position [mm]", "Ist Position [mm]", "position_fb [mm]"])
+def test_the_target_drives_and_not_the_current_that_the_loop_makes_of_it(tmp_path, measured):
+    """A linear actuator whose place is called the actual one: "the only voltage or current" was its command."""
+    t = STEP * np.arange(2000)
+    target = np.repeat(np.random.default_rng(9).uniform(-5.0, 5.0, 20), 100)
+    place = np.interp(t - 0.05, t, target)
+    current = np.gradient(place, STEP)
+    file = tmp_path / "actuator.csv"
+    np.savetxt(
+        file, np.column_stack([t, target, place, current]), delimiter=",", comments="", fmt="%.6g",
+        header=f"time [s],target-position [mm],{measured},current [mA]",
+    )  # fmt: skip
+    found = guesses(overview(file), machine=True)
+    assert found["u"].column.label.short == "target-position"
+    assert found["u"].place
+    assert found["travel"].column.label.shown == measured
+    largest = 1.0 / found["u"].gain
+    assert largest == pytest.approx(np.max(np.abs(target)), rel=1e-3)
+    assert f'speed = "{largest:.4g} mm"' in mapping_text(overview(file), found, None), (
+        "what a command of 1 asks for is known"
+    )
+
+
+@pytest.mark.parametrize(("held", "told"), [(1.6, True), (1.95, False)])
+def test_a_drive_that_stays_short_of_its_demand_is_told(monkeypatch, held, told):
+    """A servo with a weight held 79 % of its goals: the gain was fitted, and nothing said so."""
+    fit = SimpleNamespace(values={"mechanical.b": 1.0})
+    group = SimpleNamespace(place=True, observed=("slew",))
+    finding = SimpleNamespace(
+        task=SimpleNamespace(model=SimpleNamespace(group=group)),
+        lacks_linear=False,
+        chosen=SimpleNamespace(effects=(), fit=fit),
+    )
+    found = SimpleNamespace(
+        machine=SimpleNamespace(mapping=SimpleNamespace(machine={"speed": "2 rad"})),
+        findings={"mechanical": finding},
+        values={},
+    )
+    monkeypatch.setattr(remarks, "static_speeds", lambda *given: [held])
+    monkeypatch.setattr(remarks, "what_stands", lambda finding: SimpleNamespace(fit=fit))
+    notes = remarks.short_of_demand(found)
+    assert [n.partition(":")[0] for n in notes] == (
+        ["of a demand of 114.6 deg the drive holds 91.67 deg (80 %)"] if told else []
+    )
+    found.machine.mapping.machine["speed"] = "?"
+    assert remarks.short_of_demand(found) == []
+
+
+def test_a_limit_of_its_rate_is_told_as_a_speed_of_the_place(tmp_path):
+    """Nobody knows what "9.3 full command/s" of a demand within a drive are."""
+    file, mapping = servo(tmp_path, late=0.0, fastest=1.5)
+    log = load_log(file, mapping)
+    machine = machine_of(None, log, mapping)
+    with speaking(machine.lexicon):
+        found = diagnose(log, model=machine, tolerance=CALIBRATED_TRUST)
+    assert "dcv.rate_limit" in [c.effect.name for c in found.causes]
+    speed = found.top_speeds["dcv.v_max"]
+    assert speed.value == pytest.approx(1.5, rel=0.02)
+    assert speed.ci95[0] < speed.value < speed.ci95[1] < 1.6
 
 
 def test_its_delay_is_named_in_words_of_a_place(loaded):

@@ -425,6 +425,15 @@ def test_a_stop_of_a_valve_that_nobody_measured_is_told_by_the_top_speed():
     assert "top speed -2.05 (-2.19 to -1.91) and 1.81 (1.61 to 2.01) cm/s" in drive
 
 
+def test_a_limit_of_a_demanded_place_is_told_as_a_speed():
+    """The rate of the demand within the drive, 9.31 full command/s, is 46 mm/s of a linear actuator."""
+    own = {"v_max": Parameter(value=9.31, unit="mm/s", ci95=(9.14, 9.48))}
+    tops = {"v_max": Parameter(value=46.3, unit="mm/s", ci95=(45.8, 46.7))}
+    cause = friction(effect="dcv.rate_limit", parameters=own, top_speed=tops)
+    told = lines(empty_answer(causes=[cause], words=SCALE), OUT)[1]
+    assert told.endswith("it follows with no more than 46.3 mm/s (45.8 to 46.7); intervals of 95 %")
+
+
 def test_of_one_stop_one_speed_is_told():
     told = lines(empty_answer(causes=[stopped("x_min")], words=SCALE), OUT)[1]
     assert "the speed ends at " in told

@@ -12,19 +12,20 @@ from cosim.diagnosis.answer.schema import (
     ONE_WAY,
     RefusedCause,
 )
+from cosim.diagnosis.extension.top_speed import static_speeds
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.held_out.causes import Refused
 from cosim.diagnosis.model.machine import Machine
 from cosim.diagnosis.record.grid import Grid, Pieces
 from cosim.diagnosis.record.record import Record
 from cosim.diagnosis.thresholds import AS_WELL, AT_ZERO, FAR, FEWEST_ITSELF, HELD_LEVEL, UNCOMMANDED
-from cosim.diagnosis.verdict.verdict import names_of
+from cosim.diagnosis.verdict.verdict import names_of, what_stands
 from cosim.errors import UsageError
 from cosim.inference.held_out import ratio_ci95
 from cosim.lexicon import current
 from cosim.logs import Log
 from cosim.machines.rough import stays_with
-from cosim.units import number_and_unit
+from cosim.units import number_and_unit, parse_quantity
 
 Array = NDArray[np.float64]
 STOP = "dcv.stroke_limit"
@@ -51,6 +52,7 @@ def notes(diagnosis: Diagnosis, logs: Sequence[Log]) -> list[str]:
             f"the slew sensor's steps are rounded {diagnosis.tracker.rounds}: against the tracker its readings are off by "
             "half a step on average, which is no fault of its own"
         )
+    found += short_of_demand(diagnosis)
     for group in diagnosis.groups:
         if lost := group.behind_lost_motion():
             found.append(
@@ -72,6 +74,34 @@ def notes(diagnosis: Diagnosis, logs: Sequence[Log]) -> list[str]:
             f"sampled every {low if low == high else f'{low} to {high}'} ms: simulated in steps of "
             f"{1e3 * grid.step:.4g} ms, {way}, and compared at the stamps themselves"
         )
+    return found
+
+
+def short_of_demand(diagnosis: Diagnosis) -> list[str]:
+    """How much of a demanded place a drive holds, where the mapping states the place and the fit ends elsewhere.
+
+    The gain is fitted with all else, so nothing is named: but a drive that stays short of its demand is no accident.
+    """
+    mapping = diagnosis.machine.mapping
+    stated = "?" if mapping is None else str(mapping.machine.get("speed", "?"))
+    found = []
+    for finding in diagnosis.findings.values() if stated != "?" else ():
+        model = finding.task.model
+        if not model.group.place or finding.lacks_linear:
+            continue
+        fit = what_stands(finding).fit
+        values = fit.values | {n: v for n, v in diagnosis.values.items() if n in fit.values}
+        held = static_speeds(model, finding.chosen.effects, values, [1.0])
+        unit, scale = shown(model.group.observed[0])
+        asked = parse_quantity(stated, unit)
+        if held is None:
+            continue
+        share = abs(held[0] * scale / asked)
+        if not 1.0 / AS_WELL < share < AS_WELL:
+            found.append(
+                f"of a demand of {asked:.4g} {unit} the drive holds {held[0] * scale:.4g} {unit} ({100.0 * share:.0f} %): "
+                "a load on a controller without an integral part, or columns of another scale"
+            )
     return found
 
 
@@ -173,6 +203,8 @@ def turned_down(item: Refused, named: Collection[str]) -> RefusedCause:
             f"it gains {item.gain:.0f} in log-likelihood on the fitted data, but readings pass the limit: "
             f"{beyond.signal} reaches {beyond.reading * scale:.4g} {unit}, and it would end at {beyond.limit * scale:.4g}"
         )
+    elif not item.sure and item.gain < 0.0:
+        why = f"taken as a whole the fitted data are explained no better with it; {error}"
     elif not item.sure:
         why = (
             f"it gains {item.gain:.0f} in log-likelihood on the fitted data, but taken as a whole these do not determine "

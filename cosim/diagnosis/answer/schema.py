@@ -75,7 +75,7 @@ class NamedCause(Model):
 
     `logs`: the files in which it is, where others of the same system contradict it; empty where it is in all.
     `top_speed`: limit of the spool -> the speed at which it holds the drive, where nothing between command and motion was
-    measured: the log tells that, and hardly the limit itself.
+    measured: the log tells that, and hardly the limit itself. Of a drive that holds a demanded place also that of its rate.
     """
 
     effect: str

@@ -19,7 +19,7 @@ from cosim.diagnosis.fitting.trials import Trial
 from cosim.diagnosis.fitting.whole import fitted_chain, whole_run
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.held_out.between import over_logs
-from cosim.diagnosis.held_out.causes import Held, each_in_turn, left_out_errors
+from cosim.diagnosis.held_out.causes import Held, each_in_turn, left_out_errors, passed_in
 from cosim.diagnosis.held_out.free_run import errors, onward, refitted
 from cosim.diagnosis.held_out.gain import Gain, begun_anew, measure, run_package
 from cosim.diagnosis.hypotheses.naming import worth_naming
@@ -122,7 +122,12 @@ def estimate_alone(
     if held is not None and signal in held.record.signals and task.model.group.drifts:
         error = partial(held_error, finding, held, signal, tolerance)
         other = onward(finding, effects, tolerance, near)
-        sure = all(worth_naming(Trial(effects, best, 0), e, task.model, tolerance) for e in effects)
+        # a limit that readings pass is none, in whichever estimate
+        sure = all(
+            worth_naming(Trial(effects, best, 0), e, task.model, tolerance)
+            and not passed_in(held, task, e, best)
+            for e in effects
+        )
         if not sure or error(effects, other, True) <= error(effects, best, False):
             best, walked = other, True
         other = onward(finding, (), tolerance, finding.null.fit)

@@ -4,8 +4,9 @@ Where nothing was measured between the command and the motion, and the numbers b
 spool and the gain behind it are one number: the log tells their product, the speed, and next to nothing of either.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,9 +41,11 @@ def top_speeds(
         Nothing of a limit beyond which the speed does not stay, as of an axis that its weight or a spring brings back.
     """
     group = model.group
-    if not (group.commanded and group.moves) or group.place or found.slopes is None:
+    if not (group.commanded and group.moves) or found.slopes is None:
         return {}
     names = list(found.values)[: found.covariance.shape[0]]
+    if group.place:
+        return rates_of_place(model, effects, found, names, repetitions)
     told = {}
     values = endless(group, effects, found.values)
     for name, free in limits_of(effects).items():
@@ -50,10 +53,42 @@ def top_speeds(
             continue
         command = float(model.drive.max() if min(free.starts) > 0.0 else model.drive.min())
         speed = settled(model, command, values)
-        slopes = None if speed is None else slopes_of(model, command, values, names, speed)
+        slopes = None if speed is None else slopes_of(partial(settled, model, command), values, names, speed)
         if speed is None or slopes is None or slopes[names.index(name)] == 0.0:
             continue
         told[name] = between(in_place(found, name, speed, slopes), name, repetitions)
+    return told
+
+
+def rates_of_place(
+    model: GroupModel,
+    effects: tuple[Effect, ...],
+    found: Fit,
+    names: list[str],
+    repetitions: NDArray[np.int64] | None,
+) -> dict[str, Between]:
+    """``component.parameter`` of each limit of the rate at which a drive lets its demanded place change -> that rate, SI.
+
+    The demand within a drive that closes its own loop has no unit that anyone knows: the place where a lasting demand ends,
+    over that demand, makes of its rate one of the place that is held.
+    """
+    told, (widest, gain) = {}, (max(model.drive.min(), model.drive.max(), key=abs), "dcv.K")
+    if widest == 0.0 or "dcv" not in model.group.components:
+        return {}
+    for name in (f"{e.component}.{p}" for e in effects for p, free in e.free.items() if free.rate):
+        if name not in names:
+            continue
+
+        def rate(values: dict[str, float], limit: str = name) -> float | None:
+            still = settled(model, float(widest), {n: v for n, v in values.items() if n != limit})
+            demand = values.get(gain, model.nominal(gain)) * float(widest)
+            return None if still is None else values[limit] * still / demand
+
+        values = endless(model.group, effects, found.values) | {name: found.values[name]}
+        speed = rate(values)
+        slopes = slopes_of(rate, values, names, speed) if speed else None
+        if speed is not None and slopes is not None and slopes[names.index(name)] != 0.0:
+            told[name] = between(in_place(found, name, speed, slopes), name, repetitions)
     return told
 
 
@@ -112,14 +147,17 @@ def settled(
 
 
 def slopes_of(
-    model: GroupModel, command: float, values: dict[str, float], names: list[str], speed: float
+    told: Callable[[dict[str, float]], float | None],
+    values: dict[str, float],
+    names: list[str],
+    speed: float,
 ) -> Array | None:
-    """(k,) slopes of that `speed` in the estimates `names`; None where with another it does not settle."""
+    """(k,) slopes of the `speed` that values tell in the estimates `names`; None where with another it does not settle."""
     slopes = np.zeros(len(names))
     for i, name in enumerate(names):
         if name not in values or values[name] == 0.0:
             continue
-        moved = settled(model, command, values | {name: values[name] * (1.0 + MOVED_BY)})
+        moved = told(values | {name: values[name] * (1.0 + MOVED_BY)})
         if moved is None or moved * speed <= 0.0:
             return None
         # by ratios: a speed is a product of gains and limits, whose errors all but cancel where only that is known

@@ -120,6 +120,31 @@ def passed_in_fit(task: Task, effects: Iterable[Effect], found: Fit) -> dict[str
     }
 
 
+def unmet(task: Task, effect: Effect, found: Fit) -> bool:
+    """True if the model ends at limits of an effect that no reading comes near: what holds a machine shows where it does.
+
+    Only a prediction that goes too far meets such a limit.
+
+    Args:
+        task: the fitted data.
+        effect: the effect.
+        found: a fit with it.
+    """
+    near: list[bool] = []
+    for parameter, free in effect.free.items():
+        name = f"{effect.component}.{parameter}"
+        if free.rate or name not in found.values or not measured_by(task, effect, free):
+            continue
+        if found.values[name] == task.model.nominal(name):
+            continue
+        own = limited(task, effect, free, found.values)
+        if own is not None:
+            side = np.copysign(1.0, free.starts[0])
+            short = side * found.values[name] - float(np.max(side * own))
+            near.append(bool(short <= GIVES_WAY * float(np.ptp(own))))
+    return bool(near) and not any(near)
+
+
 def limited(task: Task, effect: Effect, free: Free, values: Mapping[str, float] | None) -> Array | None:
     """(rows, samples) what a parameter limits: a signal or the size of its rate, SI; None where it limits nothing known."""
     cuts: tuple[int, ...] = ()

@@ -16,7 +16,7 @@ from cosim.diagnosis.budget import current
 from cosim.diagnosis.fitting.bounds import cannot_be, greatest_torque
 from cosim.diagnosis.fitting.fit import Fit, Task
 from cosim.diagnosis.fitting.group_model import GroupModel
-from cosim.diagnosis.fitting.limits import Passed, passed
+from cosim.diagnosis.fitting.limits import Passed, passed, unmet
 from cosim.diagnosis.fitting.noise import Whitener
 from cosim.diagnosis.fitting.trials import (
     QUICK_ROUNDS,
@@ -133,7 +133,7 @@ class Step:
         fitted: RMSE over the fitting log, SI.
         held: RMSE on held-out data, SI.
         unsure: names of those whose size is too small to matter or cannot be, whose uncertainty holds no cause at all, of
-            which two make up for each other, or limits that readings pass.
+            which two make up for each other, or limits that readings pass or never come near.
         squares: (parts,) mean square of the error in each part of the held-out data, SI, at least that of the sensor's
             rounding: a machine that stands is predicted to the last digit. Of logs left out in turn it is over that of the
             signal in the log, so that each log counts as much. Where the axis drifts, the prediction begins in each part
@@ -306,6 +306,7 @@ def stepper(
             or not worth_naming(trial, e, model, tolerance)
             or cannot_be(e, sizes_in(fit_, e), model, torque)
             or passed_in(held, finding.task, e, fit_)
+            or unmet(finding.task, e, fit_)
         )
         placed, course = model.group.integrates and not anew, None
         if held.in_turn:
