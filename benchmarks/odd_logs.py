@@ -13,11 +13,11 @@ import tempfile
 import time
 import traceback
 from collections import Counter
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,17 @@ from cosim.rig import EFFECTS, make_log
 from cosim.rig.write import as_log
 
 Array = NDArray[np.float64]
+
+
+class Numbered(Protocol):
+    """A case that its seed tells from the others."""
+
+    @property
+    def seed(self) -> int:
+        """By which it was drawn."""
+
+
+Case = TypeVar("Case", bound=Numbered)
 
 MODELS = ("full_order", "full_order", "simplified")
 EXCITATIONS = ("mixed", "steps", "small_steps", "multisine", "sweep")
@@ -177,22 +188,25 @@ def stored(file: Path) -> list[dict[str, Any]]:
     return rows
 
 
-def main() -> int:
-    """Run the cases and count what came of them; 1 if one ended in an internal error."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--cases", type=int, default=500)
+def options_of(text: str | None, cases: int) -> argparse.ArgumentParser:
+    """What such a benchmark is asked: how many cases, of which seed, by how many workers, and where its rows go."""
+    parser = argparse.ArgumentParser(description=text, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--cases", type=int, default=cases)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--rows", type=Path, help="JSON lines, one a case; what is there is not run again")
     parser.add_argument("--json", action="store_true")
-    options = parser.parse_args()
+    return parser
+
+
+def counted(
+    cases: Iterable[Case], run: Callable[[Case], dict[str, Any]], pool: Executor, options: argparse.Namespace
+) -> int:
+    """Run the cases and print what came of them; 1 if one ended in an internal error."""
     rows = stored(options.rows) if options.rows is not None else []
     done = {row["case"]["seed"] for row in rows}
-    todo = [c for c in drawn(options.cases, options.seed) if c.seed not in done]
-    with ProcessPoolExecutor(options.workers) as pool:
-        for future in as_completed([pool.submit(run_case, c) for c in todo]):
+    with pool:
+        for future in as_completed([pool.submit(run, c) for c in cases if c.seed not in done]):
             row = future.result()
             rows.append(row)
             if options.rows is not None:
@@ -209,6 +223,13 @@ def main() -> int:
             ", ".join(f"{n} {k}" for k, n in counts.most_common()), f"; {len(errors)} with an internal error"
         )
     return 1 if errors else 0
+
+
+def main() -> int:
+    """Run the cases and count what came of them; 1 if one ended in an internal error."""
+    options = options_of(__doc__, 500).parse_args()
+    pool = ProcessPoolExecutor(options.workers)
+    return counted(drawn(options.cases, options.seed), run_case, pool, options)
 
 
 if __name__ == "__main__":

@@ -8,17 +8,16 @@ is an answer, too. With ``--rows FILE`` each case is a line of JSON there as soo
 not run again.
 """
 
-import argparse
 import json
 import os
 import subprocess
 import sys
 import tempfile
 import time
-from collections import Counter
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +27,7 @@ from numpy.typing import NDArray
 TOP = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(TOP))
 
-from benchmarks.odd_logs import stored, wrong  # noqa: E402
+from benchmarks.odd_logs import counted, options_of  # noqa: E402
 
 Array = NDArray[np.float64]
 
@@ -210,37 +209,13 @@ def ended(done: subprocess.CompletedProcess[str]) -> dict[str, str]:
 
 def main() -> int:
     """Run the cases and count what came of them; 1 if one ended in an internal error."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--cases", type=int, default=100)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--workers", type=int, default=2)
+    parser = options_of(__doc__, 100)
     parser.add_argument("--budget", default="40s", help="of each diagnosis")
-    parser.add_argument("--rows", type=Path, help="JSON lines, one a case; what is there is not run again")
-    parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
-    rows = stored(options.rows) if options.rows is not None else []
-    done = {row["case"]["seed"] for row in rows}
-    todo = [c for c in drawn(options.cases, options.seed) if c.seed not in done]
-    with ThreadPoolExecutor(options.workers) as pool:
-        for future in as_completed([pool.submit(run_case, c, options.budget) for c in todo]):
-            row = future.result()
-            rows.append(row)
-            if options.rows is not None:
-                with options.rows.open("a", encoding="utf-8") as file:
-                    file.write("\n" + json.dumps(row))
-            if bad := wrong(row):
-                print(json.dumps(row["case"]), bad, file=sys.stderr, flush=True)
-    counts = Counter("error" if "error" in r else r.get("verdict", "refused") for r in rows)
-    errors = [row for row in rows if wrong(row)]
-    if options.json:
-        print(json.dumps({"counts": counts, "internal": len(errors), "errors": errors}))
-    else:
-        print(
-            ", ".join(f"{n} {k}" for k, n in counts.most_common()), f"; {len(errors)} with an internal error"
-        )
-    return 1 if errors else 0
+    pool = ThreadPoolExecutor(options.workers)
+    return counted(
+        drawn(options.cases, options.seed), partial(run_case, budget=options.budget), pool, options
+    )
 
 
 if __name__ == "__main__":

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from hidden_logs import only
 
-from benchmarks.odd_logs import Odd, drawn, run_case
+from benchmarks import odd_machines
+from benchmarks.odd_logs import Odd, drawn, run_case, wrong
 from cosim.diagnosis.answer.experiment import Rehearsal
 from cosim.diagnosis.model.groups import MODELS
 from cosim.diagnosis.pipeline import diagnose as pipeline
@@ -124,3 +125,11 @@ def test_a_log_of_half_a_second_ends_in_an_answer(case: Odd) -> None:
 def test_hundreds_of_odd_logs_end_in_an_answer_or_a_refusal() -> None:
     bad = [r for r in map(run_case, drawn(200, 12)) if "error" in r or r.get("failed")]
     assert bad == []
+
+
+@pytest.mark.slow
+def test_odd_machines_end_in_an_answer_or_a_refusal_as_for_a_new_user() -> None:
+    """From `cosim init --machine` on; a pole just too slow to be told from an integrator made one answer incomplete."""
+    rows = [odd_machines.run_case(case, "30s") for case in odd_machines.drawn(20, 12)]
+    assert [wrong(row) for row in rows if wrong(row)] == []
+    assert sum("verdict" in row for row in rows) > len(rows) // 2
