@@ -454,14 +454,15 @@ def untenable_taken_back(found: Diagnosis, trust: float) -> bool:
             return cannot_be(cause.effect, sizes, model, torque)
 
         own = [c for c in found.causes if c.group == name and c.effect.name not in SAMPLED]
-        gone = [c.effect for c in own if impossible(c) or none_between_logs(found, c, model)]
+        apart = [c.effect for c in own if none_between_logs(found, c, model)]
+        gone = [c.effect for c in own if impossible(c) or c.effect in apart]
         unsure = [] if gone else least_sure(found, [c.effect for c in own], model)
         if not gone and not unsure:
             continue
         taken, others = True, [e for e in finding.chosen.effects if e not in gone and e not in unsure]
         kept = tuple(e for e in others if unsure or borne_by_itself(finding, e))
         rest = tried(finding.task, kept, trust, finding.chosen.fit) if kept else finding.null
-        found.refused += [refused_unsure(finding, c, rest) for c in own if c.effect in unsure]
+        found.refused += [refused_unsure(finding, c, rest) for c in own if c.effect in (*unsure, *apart)]
         # held-out data have judged the simpler ones already
         rest = rest if finding.borne else with_less(finding, unsure, rest, trust)
         finding = replace(
