@@ -943,6 +943,34 @@ STEPS_A_SAMPLE: Annotated[
     "one step, and one that noise holds back",
     "arithmetic",
 ] = 2.0
+JUMPED_STEPS: Annotated[
+    float,
+    "steps",
+    "jump of readings in steps after a pause, beyond which they were not read in between",
+    "a motion goes through every step; two more by noise",
+    "arithmetic",
+] = 3.0
+TREAD_SPREAD: Annotated[
+    float,
+    "share of the samples between refreshes",
+    "how far the samples between two refreshes of a reading may differ from the usual number",
+    "two clocks that are not in step: 9 to 11 samples of ten on a wheel drive whose encoders are read every 50 ms",
+    "not measured by itself",
+] = 0.15
+EVEN_TREADS: Annotated[
+    float,
+    "share of the refreshes",
+    "refreshes after the usual number of samples beyond which readings are refreshed at that rate",
+    "packets lost at random give no more than a half, whatever their share",
+    "arithmetic",
+] = 0.9
+FEWEST_TREADS: Annotated[
+    int,
+    "refreshes",
+    "fewer say nothing of a rate",
+    "of random repeats, one log in 1e9 shows so many even ones",
+    "arithmetic",
+] = 30
 SURE_REPEATS: Annotated[
     float,
     "standard deviations",

@@ -300,11 +300,14 @@ def guesses(found: Overview, machine: bool = False) -> dict[str, Guess]:
         if score > 0.0 and signal not in made and column.index not in taken:
             made[signal] = _guess(signal, column, f"its name ('{column.label.short}')")
             taken.add(column.index)
-    undriven = machine and not {"u", *DRIVERS} & set(made)
-    if undriven and (asked := demanded([c for c in free if c.index not in taken], made)):
+    undriven = not {"u", *DRIVERS} & set(made)
+    asked = demanded([c for c in free if c.index not in taken], made) if undriven else None
+    if machine and asked:
         made["u"] = asked
         taken.add(asked.column.index)
     for signal, column, why in _by_shape([c for c in free if c.index not in taken], made):
+        if signal == "u" and asked:
+            continue  # a servo's current is what its controller made of the place that it is to hold
         if signal == "slew" and shown in made:
             continue  # the axis has shown itself by name
         if machine and signal == "u" and not column.held:

@@ -75,6 +75,7 @@ def test_a_pole_that_coarse_data_just_tell_from_an_integrator_is_predicted_on_fi
 def test_a_log_sampled_slowly_has_windows_of_many_samples() -> None:
     assert window_of([1024], 1, 4.0) >= 40, "5 s would be one sample"
     assert window_of([60000], 10, 1e-3) == 500, "5 s of bins of 10 ms"
+    assert window_of([1099, 1099, 602], 2, 5e-3) == 301, "the shortest log has a window, too"
 
 
 def lagging(seed: int, gain: float, count: int = 2000, h: float = 0.02) -> Record:

@@ -14,6 +14,7 @@ from cosim.diagnosis.fitting.fit import Fit
 from cosim.diagnosis.fitting.group_model import GroupModel
 from cosim.diagnosis.fitting.noise import Windows, learned, plain
 from cosim.diagnosis.fitting.trials import tried
+from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.held_out import causes
 from cosim.diagnosis.held_out.between import combined, over_logs
 from cosim.diagnosis.held_out.causes import each_in_turn, left_out_errors
@@ -22,7 +23,14 @@ from cosim.diagnosis.held_out.gain import measure
 from cosim.diagnosis.hypotheses.naming import find, nominal
 from cosim.diagnosis.model.groups import MODELS, Group
 from cosim.diagnosis.model.machine import our_machine
-from cosim.diagnosis.pipeline.diagnose import diagnose, least_sure, none_between_logs, prepare, with_less
+from cosim.diagnosis.pipeline.diagnose import (
+    diagnose,
+    least_sure,
+    none_between_logs,
+    prepare,
+    untenable_taken_back,
+    with_less,
+)
 from cosim.diagnosis.record.grid import Grid, Pieces, grid_of
 from cosim.diagnosis.record.record import Record, each_left_out, fixed_values, joined
 from cosim.diagnosis.residuals.cross_validation import (
@@ -34,7 +42,7 @@ from cosim.diagnosis.residuals.cross_validation import (
 )
 from cosim.diagnosis.residuals.finding import Finding, lacking, learn_noise
 from cosim.diagnosis.thresholds import CALIBRATED_TRUST
-from cosim.diagnosis.verdict.verdict import Cause, adequate
+from cosim.diagnosis.verdict.verdict import Cause, adequate, cause_of
 from cosim.errors import DataError, UsageError
 from cosim.inference.held_out import HeldOutGain
 from cosim.inference.linear import Sections, columns
@@ -403,6 +411,27 @@ def test_a_size_that_the_next_log_may_not_have_is_no_cause() -> None:
         found = SimpleNamespace(between={"mechanical.tau_c": told})
         assert none_between_logs(found, cause, model) == wanted  # type: ignore[arg-type]
     assert not none_between_logs(SimpleNamespace(between={}), cause, model)  # type: ignore[arg-type]
+
+
+def test_a_cause_whose_size_the_logs_draw_apart_is_told_with_its_figures(pair: list[Record]) -> None:
+    """It went without a word, and the block was said to be explained by no effect of the library."""
+    joint = joined(pair)
+    finding = with_friction(joint)
+    finding = finding.accept(finding.chosen, joint)
+    machine = our_machine("full_order")
+    found = Diagnosis("interrupted", joint, machine, (MECHANICS,))
+    (effect,) = finding.chosen.effects
+    found.findings, found.causes = {"mechanical": finding}, [cause_of(finding, effect, CALIBRATED_TRUST)]
+    found.values = machine.values | finding.chosen.fit.values
+    found.between = {
+        "mechanical.tau_c": combined(20.0, 1.0, np.array([60.0, -20.0]), np.array([1.4, 1.4]), 20.0)
+    }
+    assert untenable_taken_back(found, CALIBRATED_TRUST)
+    assert found.causes == []
+    (refused,) = found.refused
+    assert refused.effect == effect
+    assert not refused.sure
+    assert refused.with_it < refused.without
 
 
 GROUP = SimpleNamespace(name="mechanical")

@@ -1,5 +1,6 @@
 """A servo that closes a position loop of its own: the demanded place and the place that it holds (synthetic)."""
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -189,6 +190,29 @@ def test_its_delay_is_named_in_words_of_a_place(loaded):
     with speaking(machine.lexicon):
         assert kind_of_motion("a missing torque") == "a missing demand"
         assert [quantity(name)[1] for name in ("theta", "omega")] == ["m", "m/s"]
+
+
+def test_no_levels_or_directions_of_a_speed_are_asked_of_it(loaded):
+    """Between two places it goes both ways, and no gain is missing: "dead zone and friction cannot be told from it"."""
+    mapping, log = loaded
+    two = 0.5 + 0.5 * np.sign(log["u"])
+    machine = machine_of(None, log, mapping)
+    record = prepare(replace(log, signals=log.signals | {"u": two}), machine)
+    told = SimpleNamespace(record=record, machine=machine, causes=[], findings={}, values={})
+    assert not any("one level" in text or "never" in text for text in remarks.advice(told))  # type: ignore[arg-type]
+
+
+def test_without_machine_the_current_of_a_servo_is_no_command_of_the_crane(tmp_path):
+    """An angle and a current beside the target were mapped as the crane's, and no word was said of another machine."""
+    t = STEP * np.arange(2000)
+    target = np.repeat(np.random.default_rng(9).uniform(-50.0, 50.0, 20), 100)
+    place = np.interp(t - 0.05, t, target)
+    file = tmp_path / "servo.csv"
+    rows = np.column_stack([t, target, place, np.round(np.gradient(place, STEP), -2)])
+    head = "time [s],target-position [deg],actual-position [deg],current [A]"
+    np.savetxt(file, rows, delimiter=",", comments="", fmt="%.6g", header=head)
+    assert "u" not in guesses(overview(file))
+    assert guesses(overview(file), machine=True)["u"].place
 
 
 @pytest.mark.slow

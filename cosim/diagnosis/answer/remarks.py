@@ -448,10 +448,13 @@ def as_stated(diagnosis: Diagnosis) -> list[str]:
 def advice(diagnosis: Diagnosis) -> list[str]:
     """How to record or map a log that tells more, and what it says in the numbers that the file states."""
     record, machine = diagnosis.record, diagnosis.machine
+    more = no_sign(record, machine) + zero_of_speed(diagnosis) + at_supply(diagnosis) + at_once(diagnosis)
+    if any(
+        group.place for group in machine.groups
+    ):  # a demanded place has neither directions nor levels of a speed
+        return as_stated(diagnosis) + more
     direction = one_way(record, machine) or one_sided(record, machine)
-    more = no_sign(record, machine) + zero_of_speed(diagnosis) + at_supply(diagnosis)
-    more += at_once(diagnosis) + one_level(diagnosis)
-    return as_stated(diagnosis) + direction + more
+    return as_stated(diagnosis) + direction + more + one_level(diagnosis)
 
 
 def limits(diagnosis: Diagnosis, logs: Sequence[Log]) -> list[str]:

@@ -121,12 +121,16 @@ def observed_of(group: Group, record: Record) -> tuple[dict[str, Array], dict[st
 
 
 def window_of(lengths: list[int], bins: int, h: float) -> int:
-    """Bins in a window of about `window_span` with which whole windows leave out least of logs of these many samples."""
+    """Bins in a window of about `window_span` with which whole windows leave out least of logs of these many samples.
+
+    Each log has a window: one that is longer than a log would leave it out, and nothing would be known of its noise.
+    """
     # of one short log the windows are shorter: some must be left out to tell chance from more
     least = FEWEST_WINDOWS if len(lengths) == 1 else 1
     # whole windows fill that log
     choices = [max(1, own // (bins * max(least, round(own * h / window_span(h))))) for own in lengths]
-    return min(choices, key=lambda window: sum(own % (bins * window) for own in lengths))
+    fitting = [window for window in choices if bins * window <= min(lengths)] or [1]
+    return min(fitting, key=lambda window: sum(own % (bins * window) for own in lengths))
 
 
 def task_for(group: Group, record: Record, known: list[Known]) -> Task:

@@ -57,6 +57,7 @@ from cosim.diagnosis.pipeline.stretch import by_twin, chosen_stretch, elsewhere,
 from cosim.diagnosis.record.ends import lost_at_ends
 from cosim.diagnosis.record.grid import Grid, grid_of
 from cosim.diagnosis.record.record import Record, joined
+from cosim.diagnosis.record.refreshed import at_refreshes
 from cosim.diagnosis.record.signatures import SAMPLED
 from cosim.diagnosis.residuals.finding import Finding
 from cosim.diagnosis.residuals.reference import (
@@ -453,14 +454,15 @@ def untenable_taken_back(found: Diagnosis, trust: float) -> bool:
             return cannot_be(cause.effect, sizes, model, torque)
 
         own = [c for c in found.causes if c.group == name and c.effect.name not in SAMPLED]
-        gone = [c.effect for c in own if impossible(c) or none_between_logs(found, c, model)]
+        apart = [c.effect for c in own if none_between_logs(found, c, model)]
+        gone = [c.effect for c in own if impossible(c) or c.effect in apart]
         unsure = [] if gone else least_sure(found, [c.effect for c in own], model)
         if not gone and not unsure:
             continue
         taken, others = True, [e for e in finding.chosen.effects if e not in gone and e not in unsure]
         kept = tuple(e for e in others if unsure or borne_by_itself(finding, e))
         rest = tried(finding.task, kept, trust, finding.chosen.fit) if kept else finding.null
-        found.refused += [refused_unsure(finding, c, rest) for c in own if c.effect in unsure]
+        found.refused += [refused_unsure(finding, c, rest) for c in own if c.effect in (*unsure, *apart)]
         # held-out data have judged the simpler ones already
         rest = rest if finding.borne else with_less(finding, unsure, rest, trust)
         finding = replace(
@@ -650,7 +652,7 @@ def diagnose(
     machine = our_machine(model, base) if isinstance(model, str) else model
     free = CALIBRATED_TRUST if isinstance(model, str) or not machine.options.named else GUESSED_TRUST
     trust = free if calibrate or machine.options.free else tolerance
-    logs = listed(log)
+    logs, repeats = read_only(listed(log), machine)
     if len(logs) > 1 and (tracker is not None or machine.options.held_out_from is not None):
         what = (
             "an external tracker goes" if tracker is not None else "diagnose.held_out_from in a mapping goes"
@@ -661,14 +663,15 @@ def diagnose(
     parts, data = [part for part, _, _ in each], [told for _, _, found in each for told in found]
     record, held = parted(joined([record for _, record, _ in each]), machine)
     if held_out is not None:
-        held = held_logs([prepare(one, machine) for one in listed(held_out)], listed(held_out))
+        apart, more = read_only(listed(held_out), machine)
+        held, repeats = held_logs([prepare(one, machine) for one in apart], apart), repeats + more
     machine = with_held_drive(machine, logs, record)
     groups = merged(machine.groups, record.signals)
     if trust > ROUGH_TRUST:  # what is known of a machine tells of its ends in windows, too
         groups = tuple(at_its_ends(group, record) for group in groups)
     found = Diagnosis("interrupted", record, machine, groups)
     found.spans = tuple((float(part.time[0]), float(part.time[-1])) for part in parts)
-    found.held = held
+    found.held, found.notes = held, repeats
     found.data = list(dict.fromkeys(data))
     if found.data:
         contradicted(found, found.data)
@@ -680,6 +683,12 @@ def diagnose(
     except KeyboardInterrupt:
         raise Interrupted(found) from None
     return found
+
+
+def read_only(logs: Sequence[Log], machine: Machine) -> tuple[list[Log], list[str]]:
+    """The logs without what they repeat between two readings, and what is said of that."""
+    each = [at_refreshes(one, machine.drive) for one in logs]
+    return [log for log, _ in each], [text for _, told in each for text in told]
 
 
 def with_held_drive(machine: Machine, logs: Sequence[Log], record: Record) -> Machine:
