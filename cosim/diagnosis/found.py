@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from cosim.compare.metrics import noise_floor
 from cosim.diagnosis.budget import Budget
 from cosim.diagnosis.held_out.between import Between
-from cosim.diagnosis.held_out.causes import Held, Refused
+from cosim.diagnosis.held_out.causes import Held, Refused, Steps
 from cosim.diagnosis.held_out.gain import Gain
 from cosim.diagnosis.labels import Contradiction
 from cosim.diagnosis.model.groups import Group
@@ -79,6 +79,7 @@ class Diagnosis:
             judge, as far as one was needed.
         calibrated: trusted parameters fitted without any cause, where they were freed: what the extension is held against.
         refused: causes that the fitting log asks for and the held-out one does not bear out.
+        sets: group -> the data that judge its causes, and the sets of causes that they have judged.
         spans: start and end of the stretch of each log that was used, s of the log's own time.
         between: ``component.parameter`` -> what several logs say of it one by one; empty for one log.
         top_speeds: ``component.parameter`` of a limit -> the speed at it, where the log tells that and hardly the limit.
@@ -115,6 +116,7 @@ class Diagnosis:
     held_before: dict[str, Array] = field(default_factory=dict)
     held_after: dict[str, Array] = field(default_factory=dict)
     refused: list[Refused] = field(default_factory=list)
+    sets: dict[str, tuple[Held, Steps]] = field(default_factory=dict, repr=False)
     calibrated: dict[str, float] = field(default_factory=dict)
     in_place: LinearModel | None = None
     references: dict[str, Reference] = field(default_factory=dict)

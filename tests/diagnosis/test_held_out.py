@@ -20,8 +20,10 @@ from cosim.diagnosis.held_out.causes import (
     balanced,
     borne,
     cancelling,
+    key_of,
     least,
     likeliest,
+    next_best,
     predicts_better,
     reconsider,
     spreads,
@@ -212,6 +214,41 @@ def test_where_the_log_does_not_tell_the_size_of_a_cause_it_may_tell_that_of_a_r
     found = balanced(finding, step(named), named, step, {})  # type: ignore[arg-type]
     assert {e.name for e in found.effects} == expected
     assert ({DEAD_ZONE.name, BACKLASH.name} in tried) == bool(expected), "no fit where nothing hangs on it"
+
+
+@pytest.mark.parametrize(
+    ("others", "named"),
+    [(2.0, DEAD_ZONE.name), (10.0, ""), (None, "")],
+    ids=["borne out", "no better", "unsure"],
+)
+def test_without_a_cause_whose_size_nobody_knows_what_else_the_held_out_data_bear_out_is_named(
+    monkeypatch: pytest.MonkeyPatch, others: float | None, named: str
+) -> None:
+    """A small excavator's stick: Stribeck friction was taken back, and nothing named where a dead zone left a tenth."""
+    unsure = others is None
+    errors = {
+        (STRIBECK,): 1.0,
+        (): 10.0,
+        **dict.fromkeys([(COULOMB,), (DEAD_ZONE,), (CRACKING,)], others or 2.0),
+    }
+
+    def step(effects: tuple[Effect, ...]) -> Step:
+        doubt = (effects[0].name,) if unsure and len(effects) == 1 else ()
+        vary = np.random.default_rng(len(effects)).normal(1.0, 0.1, 24)
+        return Step(effects, FIT, 1.0, errors[effects], doubt, errors[effects] ** 2 * vary)
+
+    task = SimpleNamespace(measured={"slew": None}, model=MECHANICS.task.model)
+    finding = FakeFinding(task, SimpleNamespace(effects=(STRIBECK,)), {})
+    monkeypatch.setattr(held_out, "stepper", lambda *_: step)
+    monkeypatch.setattr(held_out, "compared", lambda *_: "slew")
+    held = Held(SimpleNamespace(signals={"slew": None}), 0)  # type: ignore[arg-type]
+    done = {key_of(effects): step(effects) for effects in errors}
+    gains, alike = next_best(finding, held, {STRIBECK.name}, 0.01, done)  # type: ignore[arg-type]
+    assert [e.name for e in gains] == ([named] if named else [])
+    # the likeliest of those that they do not tell apart, which are told
+    assert {e.name: {o.name for o in found} for e, found in alike.items()} == (
+        {named: {COULOMB.name, CRACKING.name}} if named else {}
+    )
 
 
 def test_a_set_that_is_sure_is_not_left_for_nothing_by_way_of_sets_that_are_not() -> None:

@@ -4,7 +4,7 @@ A cause that the fitting log asks for but that does not make the prediction of t
 has described that one log and not the machine.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
 from itertools import combinations
@@ -244,6 +244,48 @@ def refuse(
         borne={e.name: borne(at, e, step) for e in at.effects},
     )
     return finding, refused, at.effects
+
+
+def next_best(
+    finding: Finding, held: Held, without_: Collection[str], tolerance: float, done: Steps
+) -> tuple[dict[Effect, HeldOutGain], dict[Effect, list[Effect]]]:
+    """Of the sets judged without some causes the one that held-out data bear out best, with what each of it gains there.
+
+    None where they bear out none: Coulomb friction may be sure where a peak beside it is not. Of those that they do not tell
+    apart the likeliest.
+
+    Args:
+        finding: what is known of the group.
+        held: the held-out data.
+        without_: names of the causes.
+        tolerance: trust in the nominal parameters.
+        done: the sets judged already; it may grow.
+
+    Returns:
+        The gains; and what cannot be told from each.
+    """
+    listed = [
+        s for s in done.values() if s.sure and s.effects and not {e.name for e in s.effects} & {*without_}
+    ]
+    signal = compared(finding.task, held)
+    if not listed or not signal or current().over:
+        return {}, {}
+    best = least(listed)
+    as_good = [s for s in listed if len(s.effects) <= len(best.effects) and s.about_as_good(best)]
+    fewest = min(len(s.effects) for s in as_good)
+    as_good = [s for s in as_good if len(s.effects) == fewest]
+    first = max(as_good, key=lambda s: sum(e.prior for e in s.effects))
+    step = stepper(finding, held, signal, tolerance, done)
+    at = shrunk(finding, replace(first, above=()), step, {})
+    gains = {e: borne(at, e, step) for e in at.effects}
+    if not all(gain.borne_out for gain in gains.values()):
+        return {}, {}
+    undecided = {}
+    for effect in at.effects:
+        rest = {e for e in at.effects if e != effect}
+        instead = [{*s.effects} - rest for s in as_good if s is not first and rest < {*s.effects}]
+        undecided[effect] = [e for one in instead if len(one) == 1 for e in one if e != effect]
+    return gains, undecided
 
 
 def passed_in(held: Held, task: Task, effect: Effect, found: Fit) -> list[Passed]:

@@ -30,6 +30,7 @@ from cosim.diagnosis.held_out.causes import (
     held_logs,
     key_of,
     left_out_errors,
+    next_best,
     predicts_better,
     reconsider,
     refuse,
@@ -251,6 +252,7 @@ def named_in(
     finding = find(task, record, trust, most, better)
     current().allow(share)
     if others is not None:
+        found.sets[group.name] = others, done
         finding = borne_out(found, group, finding, others, trust, watch, done)
     with part_of(found.notes, f"the linear reference of {group.name}"):
         finding = beside_linear(finding, record, held, found.linear)
@@ -463,14 +465,34 @@ def untenable_taken_back(found: Diagnosis, trust: float) -> bool:
         kept = tuple(e for e in others if unsure or borne_by_itself(finding, e))
         rest = tried(finding.task, kept, trust, finding.chosen.fit) if kept else finding.null
         found.refused += [refused_unsure(finding, c, rest) for c in own if c.effect in (*unsure, *apart)]
-        # held-out data have judged the simpler ones already
-        rest = rest if finding.borne else with_less(finding, unsure, rest, trust)
+        borne, told, rivals_ = finding.borne, finding.undecided, dict[str, list[Trial]]()
+        if unsure and not borne:
+            rest = with_less(finding, unsure, rest, trust)
+        elif (unsure or apart) and name in found.sets:  # held-out data have judged what could stand there
+            held, done = found.sets[name]
+            before = {r.effect.name for r in found.refused if r.group == name and r.in_fitted and not r.sure}
+            gains, alike = next_best(finding, held, before, trust, done)
+            if gains:
+                marked = [e for e in finding.chosen.effects if e.name in SAMPLED]
+                kept, borne = (*gains, *marked), {e.name: gain for e, gain in gains.items()}
+                rest = refound(finding, kept, trust, done)
+                told = {e.name: [o.name for o in others] for e, others in alike.items()}
+                for effect, others in alike.items():
+                    company = tuple(e for e in kept if e != effect)
+                    rivals_[effect.name] = [
+                        tried(finding.task, (*company, o), trust, rest.fit) for o in others
+                    ]
         finding = replace(
-            finding.accept(rest, found.record), rivals={}, confirmed=finding.confirmed and rest.effects != ()
+            finding.accept(rest, found.record),
+            rivals=rivals_,
+            undecided=told,
+            borne=borne,
+            confirmed=finding.confirmed and rest.effects != (),
         )
         found.findings[name] = finding
         found.causes = [c for c in found.causes if c not in own or c.effect in kept]
-        found.causes += [cause_of(finding, e, trust) for e in rest.effects if e not in kept]
+        named = {c.effect for c in found.causes if c.group == name}
+        found.causes += [cause_of(finding, e, trust) for e in rest.effects if e not in named]
         found.rests = [r for r in found.rests if r.block != name] + rests(finding, trust)
     concluded(found)
     return taken
