@@ -14,9 +14,11 @@ from cosim.diagnosis.model.groups import MODELS
 from cosim.diagnosis.model.machine import our_machine
 from cosim.diagnosis.pipeline.diagnose import prepare
 from cosim.diagnosis.record.signatures import Signature, grid_step, signatures, stale_share
-from cosim.diagnosis.verdict.verdict import of_signatures
+from cosim.diagnosis.verdict.verdict import Cause, of_signatures, rank
+from cosim.inference.held_out import HeldOutGain
 from cosim.rig import make_log
 from cosim.rig.write import as_log
+from fmus import registry
 
 DEG = np.pi / 180.0
 
@@ -90,6 +92,17 @@ def test_a_cause_seen_in_the_samples_has_an_interval_of_its_gain() -> None:
     (cause,) = of_signatures(SimpleNamespace(task=task, signatures=[mark]))  # type: ignore[arg-type]
     assert cause.held_out.ci95 == pytest.approx((200.0 - 1.96 * 20.0, 200.0 + 1.96 * 20.0), abs=0.01)
     assert cause.held_out.sure
+
+
+def test_what_the_samples_show_stands_behind_what_explains_the_motion() -> None:
+    """An encoder's steps of 0.025 mm stood before the dead zone of a drive that was 7.5 mm off."""
+    names = ["sensor.quantisation", "mechanical.coulomb_friction", "dead_zone.mismatch"]
+    gain = HeldOutGain(1.0, 0.1)
+    found = [
+        Cause(registry.effects()[name], "mechanical", {}, size, gain, [], [])
+        for name, size in zip(names, (2e5, 100.0, 3000.0), strict=True)
+    ]
+    assert [c.effect.name for c in sorted(found, key=rank)] == names[::-1]
 
 
 @pytest.mark.parametrize(("stale_until", "wanted"), [(1.0, ["sensor.dropout"]), (0.25, [])])

@@ -99,6 +99,7 @@ from cosim.diagnosis.verdict.verdict import (
     local,
     names_of,
     negligible,
+    rank,
     rests,
 )
 from cosim.diagnosis.watch import Watch, watched_by
@@ -429,7 +430,7 @@ def settle(model: GroupModel, constants: Mapping[str, float]) -> None:
 
 def concluded(found: Diagnosis) -> None:
     """Order of the causes, and the verdict."""
-    found.causes.sort(key=lambda c: -c.gain)
+    found.causes.sort(key=rank)
     # the last word on each: an earlier search may have refused what a later one bears out, or cannot tell from that
     named = {(c.group, n) for c in found.causes for n in (c.effect.name, *c.indistinguishable)}
     last = {(r.group, r.effect.name): r for r in found.refused}

@@ -10,6 +10,7 @@ from cosim.compare.metrics import noise_floor, resolution, rms
 from cosim.diagnosis.fitting.fit import Unknown
 from cosim.diagnosis.fitting.noise import centred
 from cosim.diagnosis.fitting.trials import Trial, freed, trusted, without
+from cosim.diagnosis.record.signatures import SAMPLED
 from cosim.diagnosis.residuals.cross_validation import held_out_gain
 from cosim.diagnosis.residuals.finding import Finding, at_first, gained, systematic
 from cosim.diagnosis.residuals.freeform import Leftover
@@ -203,7 +204,15 @@ def causes(finding: Finding, tolerance: float) -> list[Cause]:
     if not finding.chosen.effects or not stands(finding):
         return found
     found += [cause_of(finding, effect, tolerance) for effect in finding.chosen.effects]
-    return sorted(found, key=lambda c: -c.gain)
+    return sorted(found, key=rank)
+
+
+def rank(cause: Cause) -> tuple[bool, float]:
+    """Key that puts first what explains most, and what only the samples show behind it.
+
+    How unlikely it is that all readings lie on a grid by chance says nothing of how far a step of it puts the model wrong.
+    """
+    return cause.effect.name in SAMPLED, -cause.gain
 
 
 def cause_of(finding: Finding, effect: Effect, tolerance: float) -> Cause:
