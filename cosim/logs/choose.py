@@ -161,7 +161,8 @@ def _pick_mapped(source: Source, name: str, column: SignalColumn, mapping: Mappi
     minus = None if column.minus is None else _find(source, column.minus, name)
     label = source.labels[index]
     unit = column.unit or label.unit
-    source.settled |= {index} if column.unit else set()
+    if column.unit:
+        source.settled.add(index)
     if unit is None:
         raise DataError(
             f"{source.path}: column '{label.text}' has no unit: give 'signals.{name}.unit' in the mapping ('1' for none)"

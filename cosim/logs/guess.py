@@ -1101,6 +1101,9 @@ def machine_lines(found: Overview, made: dict[str, Guess]) -> list[str]:
     linear = motion == "travel" or (motion == "speed" and _convertible(made[motion].unit, "m/s"))
     example = "0.1 m/s" if linear else "40 l/min" if motion == "flow" else "48 deg/s"
     example = example.removesuffix("/s") if place else example
+    speed = f'speed = "?"    # at a {driver or "command"} of 1, as "{example}"; "?": from the log'
+    if demand := largest_demand(made, motion):
+        speed = f'speed = "{demand}"    # CHECK: the place at a command of 1, which is the largest demand'
     return [
         "[machine]    # a drive of its own: docs/machines.md",
         f"chain = [{', '.join(map(_quoted, blocks))}]",
@@ -1110,9 +1113,7 @@ def machine_lines(found: Overview, made: dict[str, Guess]) -> list[str]:
         *(['drive = "electric"    # CHECK: a motor; "hydraulic" for oil'] if electric(found, made) else []),
         *([] if driver is None else [f"input = {_quoted(driver)}"]),
         *([] if motion == "slew" else [f"output = {_quoted(motion)}"]),
-        f'speed = "{demand}"    # CHECK: the place at a command of 1, which is the largest demand'
-        if (demand := largest_demand(made, motion))
-        else f'speed = "?"    # at a {driver or "command"} of 1, as "{example}"; "?": from the log',
+        speed,
         'lag = "?"    # as "150 ms"',
     ]
 

@@ -449,9 +449,8 @@ def advice(diagnosis: Diagnosis) -> list[str]:
     """How to record or map a log that tells more, and what it says in the numbers that the file states."""
     record, machine = diagnosis.record, diagnosis.machine
     more = no_sign(record, machine) + zero_of_speed(diagnosis) + at_supply(diagnosis) + at_once(diagnosis)
-    if any(
-        group.place for group in machine.groups
-    ):  # a demanded place has neither directions nor levels of a speed
+    # a demanded place has neither directions nor levels of a speed
+    if any(group.place for group in machine.groups):
         return as_stated(diagnosis) + more
     direction = one_way(record, machine) or one_sided(record, machine)
     return as_stated(diagnosis) + direction + more + one_level(diagnosis)

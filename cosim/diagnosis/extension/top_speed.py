@@ -72,7 +72,8 @@ def rates_of_place(
     The demand within a drive that closes its own loop has no unit that anyone knows: the place where a lasting demand ends,
     over that demand, makes of its rate one of the place that is held.
     """
-    told, (widest, gain) = {}, (max(model.drive.min(), model.drive.max(), key=abs), "dcv.K")
+    told, gain = {}, "dcv.K"
+    widest = float(max(model.drive.min(), model.drive.max(), key=abs))
     if widest == 0.0 or "dcv" not in model.group.components:
         return {}
     for name in (f"{e.component}.{p}" for e in effects for p, free in e.free.items() if free.rate):
@@ -80,8 +81,8 @@ def rates_of_place(
             continue
 
         def rate(values: dict[str, float], limit: str = name) -> float | None:
-            still = settled(model, float(widest), {n: v for n, v in values.items() if n != limit})
-            demand = values.get(gain, model.nominal(gain)) * float(widest)
+            still = settled(model, widest, {n: v for n, v in values.items() if n != limit})
+            demand = values.get(gain, model.nominal(gain)) * widest
             return None if still is None else values[limit] * still / demand
 
         values = endless(model.group, effects, found.values) | {name: found.values[name]}

@@ -1,6 +1,6 @@
 """The diagnosis from log to answer, on one page: prepare, localise and name block by block, extend, measure the gain."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -466,37 +466,58 @@ def untenable_taken_back(found: Diagnosis, trust: float) -> bool:
         kept = tuple(e for e in others if unsure or borne_by_itself(finding, e))
         rest = tried(finding.task, kept, trust, finding.chosen.fit) if kept else finding.null
         found.refused += [refused_unsure(finding, c, rest) for c in own if c.effect in (*unsure, *apart)]
-        borne, told, rivals_ = finding.borne, finding.undecided, dict[str, list[Trial]]()
-        if unsure and not borne:
+        stands = None
+        if unsure and not finding.borne:
             rest = with_less(finding, unsure, rest, trust)
-        elif (unsure or apart) and name in found.sets:  # held-out data have judged what could stand there
-            held, done = found.sets[name]
-            before = {r.effect.name for r in found.refused if r.group == name and r.in_fitted and not r.sure}
-            gains, alike = next_best(finding, held, before, trust, done)
-            if gains:
-                marked = [e for e in finding.chosen.effects if e.name in SAMPLED]
-                kept, borne = (*gains, *marked), {e.name: gain for e, gain in gains.items()}
-                rest = refound(finding, kept, trust, done)
-                told = {e.name: [o.name for o in others] for e, others in alike.items()}
-                for effect, others in alike.items():
-                    company = tuple(e for e in kept if e != effect)
-                    rivals_[effect.name] = [
-                        tried(finding.task, (*company, o), trust, rest.fit) for o in others
-                    ]
+        elif unsure or apart:
+            stands = with_next_best(found, finding, {e.name for e in gone}, trust)
+        finding, rest = stands or (replace(finding, rivals={}), rest)
         finding = replace(
-            finding.accept(rest, found.record),
-            rivals=rivals_,
-            undecided=told,
-            borne=borne,
-            confirmed=finding.confirmed and rest.effects != (),
+            finding.accept(rest, found.record), confirmed=finding.confirmed and rest.effects != ()
         )
         found.findings[name] = finding
-        found.causes = [c for c in found.causes if c not in own or c.effect in kept]
+        found.causes = [c for c in found.causes if c not in own or c.effect in rest.effects]
         named = {c.effect for c in found.causes if c.group == name}
         found.causes += [cause_of(finding, e, trust) for e in rest.effects if e not in named]
         found.rests = [r for r in found.rests if r.block != name] + rests(finding, trust)
     concluded(found)
     return taken
+
+
+def with_next_best(
+    found: Diagnosis, finding: Finding, gone: Collection[str], trust: float
+) -> tuple[Finding, Trial] | None:
+    """A finding without causes that are taken back, and the next best set that held-out data bear out; None without one.
+
+    Args:
+        found: the diagnosis; what was refused because nobody knows its size does not come again.
+        finding: what was found in the group.
+        gone: names of the causes that cannot be.
+        trust: relative standard deviation of the nominal parameters.
+    """
+    name = finding.task.model.group.name
+    if name not in found.sets:
+        return None
+    held, done = found.sets[name]
+    unsure = {r.effect.name for r in found.refused if r.group == name and r.in_fitted and not r.sure}
+    gains, alike = next_best(finding, held, {*gone, *unsure}, trust, done)
+    if not gains:
+        return None
+    marked = (e for e in finding.chosen.effects if e.name in SAMPLED)
+    kept = (*gains, *marked)
+    rest = refound(finding, kept, trust, done)
+
+    def instead(effect: Effect) -> list[Trial]:
+        company = tuple(e for e in kept if e != effect)
+        return [tried(finding.task, (*company, other), trust, rest.fit) for other in alike[effect]]
+
+    told = replace(
+        finding,
+        rivals={e.name: instead(e) for e in alike},
+        undecided={e.name: [o.name for o in others] for e, others in alike.items()},
+        borne={e.name: gain for e, gain in gains.items()},
+    )
+    return told, rest
 
 
 def none_between_logs(found: Diagnosis, cause: Cause, model: GroupModel) -> bool:
