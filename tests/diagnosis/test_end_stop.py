@@ -1,9 +1,10 @@
 """An end of the travel, a sensor that saturates, a constant load: each named, and told from the others where the log can."""
 
 import dataclasses
+from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -16,10 +17,12 @@ from cosim.diagnosis.fitting.fit import Fit, Task
 from cosim.diagnosis.fitting.limits import Passed, idle, passed, passed_in_fit, unmet
 from cosim.diagnosis.fitting.trials import tried
 from cosim.diagnosis.found import Cause, Diagnosis
+from cosim.diagnosis.held_out import free_run
 from cosim.diagnosis.hypotheses.naming import nominal
 from cosim.diagnosis.model.groups import left_out
 from cosim.diagnosis.model.machine import our_machine
 from cosim.diagnosis.pipeline.diagnose import diagnose, prepare
+from cosim.diagnosis.residuals.finding import Finding
 from cosim.diagnosis.thresholds import NOMINAL_TRUST
 from cosim.rig import make_log
 from cosim.rig.write import as_log
@@ -60,6 +63,26 @@ def test_an_end_that_the_fitted_readings_pass_is_left_out_and_the_other_stays(
     monkeypatch.setattr(trials, "fit_from_starts", led_astray)
     found = tried(stopped, (stop,), NOMINAL_TRUST).fit
     assert passed_in_fit(stopped, (stop,), found) == {}
+    assert found.values["mechanical.theta_min"] == stopped.model.nominal("mechanical.theta_min")
+    assert np.degrees(found.values["mechanical.theta_max"]) == pytest.approx(16.0, abs=0.1)
+
+
+@pytest.mark.parametrize("again", [free_run.refitted, free_run.onward])
+def test_so_it_is_where_held_out_data_judge(
+    stopped: Task, monkeypatch: pytest.MonkeyPatch, again: Callable[..., Fit]
+) -> None:
+    """Else the stop would be refused for what was fitted to the other end, and something unlikelier take its place."""
+    stop = registry.effects()["mechanical.end_stop"]
+    near, search = tried(stopped, (stop,), NOMINAL_TRUST).fit, free_run.fit
+    astray = [{"mechanical.theta_min": np.radians(14.0)}]
+
+    def led_astray_once(*given: Any, **more: Any) -> Fit:
+        found = search(*given, **more)
+        return replace(found, values=found.values | astray.pop()) if astray else found
+
+    monkeypatch.setattr(free_run, "fit", led_astray_once)
+    found = again(cast(Finding, SimpleNamespace(task=stopped)), (stop,), NOMINAL_TRUST, near)
+    assert not astray
     assert found.values["mechanical.theta_min"] == stopped.model.nominal("mechanical.theta_min")
     assert np.degrees(found.values["mechanical.theta_max"]) == pytest.approx(16.0, abs=0.1)
 

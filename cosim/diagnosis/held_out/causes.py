@@ -271,7 +271,13 @@ def next_best(
     if not listed or not signal or current().over:
         return {}, {}
     best = least(listed)
-    as_good = [s for s in listed if len(s.effects) <= len(best.effects) and s.about_as_good(best)]
+    # sets within the best one and others by one measure: else what is worse within it returns as something unlikelier
+    as_good = [
+        s
+        for s in listed
+        if len(s.effects) <= len(best.effects)
+        and not (best.noticeably_better(s) and best.gain_over(s).borne_out)
+    ]
     fewest = min(len(s.effects) for s in as_good)
     as_good = [s for s in as_good if len(s.effects) == fewest]
     first = max(as_good, key=lambda s: sum(e.prior for e in s.effects))

@@ -10,6 +10,7 @@ from cosim.compare.metrics import rms
 from cosim.diagnosis.budget import current
 from cosim.diagnosis.fitting.fit import Fit, Task, Unknown, fit, placed
 from cosim.diagnosis.fitting.group_model import GroupModel
+from cosim.diagnosis.fitting.limits import passed_in_fit
 from cosim.diagnosis.fitting.noise import NO_NOISE, Whitener
 from cosim.diagnosis.fitting.trials import tried, unknowns
 from cosim.diagnosis.record.grid import of_piece
@@ -67,11 +68,14 @@ def refitted(
     size = {s: float(np.std(r)) for s, r in near.residuals.items()}
     task = whole(finding.task, size, mask)
     wanted, _ = unknowns(task.model, effects, tolerance)
-    found = tried(finding.task, effects, tolerance, near).fit
+    begin = tried(finding.task, effects, tolerance, near).fit.values
     for _ in range(FREE_RUN_ROUNDS):
-        found = fit(task, placed(wanted, found.values), rounds=20)
-        if found.settled or current().over:
+        found = fit(task, placed(wanted, begin), rounds=20)
+        # one end of a travel is there, though in the place of the other something else was described
+        beyond = passed_in_fit(task, effects, found)
+        if (found.settled and not beyond) or current().over:
             break
+        begin = found.values | beyond
     numbers = np.arange(found.count) * FREE_RUN_PARTS // max(found.count, 1)
     return with_sandwich(found, wanted, task.model, numbers)
 
@@ -156,11 +160,15 @@ def onward(finding: Finding, effects: tuple[Effect, ...], tolerance: float, near
     wanted, _ = unknowns(task.model, effects, tolerance)
     # where a reading in steps lies within its step nobody knows: two windows, each off by up to half of one
     coarse = task.steps.get(next(iter(task.rules)), 0.0) / np.sqrt(6.0)
+    begin = found.values
     for _ in range(WALK_ROUNDS):
         task.step = max(rms(task.walked(found.residuals)), coarse, 1e-300)
-        found = fit(task, placed(wanted, found.values))
-        if rms(task.walked(found.residuals)) > WALK_SETTLED * task.step or current().over:
+        found = fit(task, placed(wanted, begin))
+        beyond = passed_in_fit(task, effects, found)
+        settled = rms(task.walked(found.residuals)) > WALK_SETTLED * task.step
+        if (settled and not beyond) or current().over:
             break
+        begin = found.values | beyond
     windows = np.concatenate([window_numbers(known), task.steps_in])
     count = int(windows.max(initial=0)) + 1
     return with_sandwich(found, wanted, task.model, windows * FREE_RUN_PARTS // count)
