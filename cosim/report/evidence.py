@@ -117,14 +117,14 @@ def driver(material: Material, of: str, cause: NamedCause) -> Array | None:
         return material.time
     if of in ("omega", "theta"):
         angle = extended.get(angle_of(material))
-        return angle if angle is None or of == "theta" else np.gradient(angle, material.h)
+        return angle if angle is None or of == "theta" else material.slopes(angle)[0]
     name = of.removeprefix("abs(").removesuffix(")").removesuffix("_rate")
     values = extended.get(name)
     if values is None:
         return None
     if of.startswith("abs("):
         return np.abs(values)
-    return np.gradient(values, material.h) if of.endswith("_rate") else values
+    return material.slopes(values)[0] if of.endswith("_rate") else values
 
 
 def residual(material: Material, cause: NamedCause) -> Picture | None:

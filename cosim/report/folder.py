@@ -39,6 +39,7 @@ def keep(material: Material, folder: Path) -> None:
     facts = {
         "h": material.h,
         "even": material.stamps is None,
+        "cuts": material.cuts,
         "tracker": {k: v.tolist() for k, v in material.tracker.items()},
         "parts": [_plain(part) for part in material.parts.values()],
     }
@@ -47,7 +48,11 @@ def keep(material: Material, folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         _write(table, folder / SERIES)
         if material.other is not None:
-            other = {"h": material.other.h, "even": material.other.stamps is None}
+            other = {
+                "h": material.other.h,
+                "even": material.other.stamps is None,
+                "cuts": material.other.cuts,
+            }
             series = pa.table(_columns(material.other))
             series = series.replace_schema_metadata({_KEY: json.dumps(other).encode()})
             _write(series, folder / HELD_OUT)
@@ -137,13 +142,30 @@ def _read(folder: Path, answer: Answer) -> Material:
     proposed = answer.next_experiment is not None and (folder / PREDICTED).is_file()
     experiment = _experiment(pq.read_table(folder / PREDICTED)) if proposed else None
     stamps = _stamps(table, facts)
-    found = Material(answer, float(facts["h"]), series, parts, tracker, folder, experiment, stamps)
+    found = Material(
+        answer,
+        float(facts["h"]),
+        series,
+        parts,
+        tracker,
+        folder,
+        experiment,
+        stamps,
+        cuts=_cuts(facts),
+    )
     if (folder / HELD_OUT).is_file():
         table = pq.read_table(folder / HELD_OUT)
         facts = json.loads((table.schema.metadata or {})[_KEY])
         stamps = _stamps(table, facts)
-        found.other = Material(answer, float(facts["h"]), _series(table), {}, stamps=stamps)
+        found.other = Material(
+            answer, float(facts["h"]), _series(table), {}, stamps=stamps, cuts=_cuts(facts)
+        )
     return found
+
+
+def _cuts(facts: dict[str, Any]) -> tuple[int, ...]:
+    """First samples of the further logs; of a folder that an older version wrote none are known."""
+    return tuple(int(k) for k in facts.get("cuts", ()))
 
 
 def _stamps(table: Any, facts: dict[str, Any]) -> Array | None:

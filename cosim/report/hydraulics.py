@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from cosim.diagnosis.answer.schema import NamedCause
 from cosim.report.material import Material
 from cosim.report.picture import Layer, Panel, Picture
-from cosim.report.series import binned, low_pass, slopes
+from cosim.report.series import binned
 from cosim.report.torque import points
 from cosim.report.words import CAPTIONS, axis, effect_name
 
@@ -26,12 +26,12 @@ class Pressures:
     """
 
     def __init__(self, material: Material) -> None:
-        signals, h = material.measured, material.h
+        signals = material.measured
         if "spool" not in signals or "p_load" not in signals:
             raise LookupError("the hydraulics need spool and p_load")
-        pick = points(signals["spool"].size, h, 0.01)
-        spool, pressure = (low_pass(signals[s], h, PRESSURE_CUTOFF) for s in ("spool", "p_load"))
-        rate, _ = slopes(pressure, h)
+        pick = points(material, 0.01)
+        spool, pressure = (material.smooth(signals[s], PRESSURE_CUTOFF) for s in ("spool", "p_load"))
+        rate, _ = material.slopes(pressure)
         self.spool, self.pressure, self.rate = spool[pick], pressure[pick], rate[pick]
         self.independent = 2.0 * PRESSURE_CUTOFF * 0.01
 
@@ -154,10 +154,10 @@ def supply(material: Material, cause: NamedCause) -> Picture:
     p_s = material.value("continuity.p_s")
     decay = np.exp(-h / material.size(cause, "tau_s"))
     drawn = lfilter(
-        [1.0 - decay], [1.0, -decay], np.abs(low_pass(material.measured["spool"], h, PRESSURE_CUTOFF))
+        [1.0 - decay], [1.0, -decay], np.abs(material.smooth(material.measured["spool"], PRESSURE_CUTOFF))
     )
-    pick = points(drawn.size, h, 0.01)
-    x, y = drawn[pick] / MM, low_pass(material.measured["p_supply"], h, PRESSURE_CUTOFF)[pick] / BAR
+    pick = points(material, 0.01)
+    x, y = drawn[pick] / MM, material.smooth(material.measured["p_supply"], PRESSURE_CUTOFF)[pick] / BAR
     grid = np.linspace(0.0, drawn[pick].max(), 201)
     fall = material.size(cause, "k_s") * grid
     root = (np.sqrt(fall**2 + 4.0 * p_s**2) - fall) / (2.0 * p_s)  # of Ps = p_s - k_s x sqrt(Ps/p_s)

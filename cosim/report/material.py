@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.diagnosis.answer.schema import Answer, NamedCause
+from cosim.inference.pieces import Cuts, by_piece, slope
 from cosim.lexicon import current
+from cosim.logs.filter import low_pass_without_shift
 from fmus import registry
 
 if TYPE_CHECKING:
@@ -114,6 +116,7 @@ class Material:
         experiment: the next experiment as predicted, or None.
         stamps: (n,) s, where the samples are not evenly spaced.
         other: measured, nominal and extended series of a held-out log.
+        cuts: first sample of each log but the first, where several stand one behind the other.
     """
 
     answer: Answer
@@ -125,6 +128,16 @@ class Material:
     experiment: Experiment | None = None
     stamps: Array | None = None
     other: "Material | None" = None
+    cuts: Cuts = ()
+
+    def smooth(self, values: Array, cutoff: float) -> Array:
+        """Values (n,) without what lies above `cutoff` Hz, no phase shift, log by log."""
+        return by_piece(lambda row: low_pass_without_shift(row, self.h, cutoff, order=3), self.cuts, values)
+
+    def slopes(self, values: Array) -> tuple[Array, Array]:
+        """First and second time derivative (n,) of a smooth signal, log by log."""
+        first = slope(values, self.h, self.cuts)
+        return first, slope(first, self.h, self.cuts)
 
     def at(self, samples: Array) -> Array:
         """Times of positions counted in samples, s."""
@@ -238,11 +251,21 @@ def gather(
             proposal.drive,
         )
     stamps = stamps_of(found.record)
-    made = Material(answer, found.record.h, series, parts, tracker_of(found), folder, experiment, stamps)
+    made = Material(
+        answer,
+        found.record.h,
+        series,
+        parts,
+        tracker_of(found),
+        folder,
+        experiment,
+        stamps,
+        cuts=found.record.cuts,
+    )
     if found.held is not None and found.held_after:
         record = found.held.record
         kinds = {MEASURED: dict(record.signals), NOMINAL: found.held_before, EXTENDED: found.held_after}
-        made.other = Material(answer, record.h, kinds, {}, stamps=stamps_of(record))
+        made.other = Material(answer, record.h, kinds, {}, stamps=stamps_of(record), cuts=record.cuts)
     return made
 
 

@@ -258,6 +258,8 @@ _NOTES = re.compile(
     r" ?\(SYSTEM [^)]*\)|the standard form of SYSTEM section \S+: |; SYSTEM section \S+"
 )  # of our own notes
 
+_OFF = re.compile(r"; \S+ \S+ is out of reach$")  # for who sets the parameter by hand
+
 SPEED_AT = "speed of the drive at this limit"
 
 
@@ -299,7 +301,7 @@ def described(effect: Any, cause: NamedCause, name: str) -> str:
     from fmus import registry
 
     own = effect.parameters.get(name)
-    return str((own or registry.parameter(effect.component, name)).text)
+    return _OFF.sub("", str((own or registry.parameter(effect.component, name)).text))
 
 
 def interval(parameter: Parameter) -> tuple[str, str, str]:

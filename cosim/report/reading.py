@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from cosim.diagnosis.answer.schema import NamedCause
 from cosim.report.material import BLOCK_EXTENDED, Material
 from cosim.report.picture import Layer, Panel, Picture, Role
-from cosim.report.series import binned, low_pass, slopes
+from cosim.report.series import binned
 from cosim.report.torque import points
 from cosim.report.words import CAPTIONS, axis, effect_name
 
@@ -29,15 +29,14 @@ def against_model(material: Material, cause: NamedCause) -> Picture:
     driven = material.without(cause, "slew")
     if driven is None:
         raise LookupError("the prediction without the sensor's error was not kept")
-    h = material.h
-    residual = low_pass(material.measured["slew"] - driven, h, READING_CUTOFF)
-    pick = points(driven.size, h)
+    residual = material.smooth(material.measured["slew"] - driven, READING_CUTOFF)
+    pick = points(material)
     if cause.effect == "sensor.gain":
         x, slope, label = driven, material.size(cause, "gain") - 1.0, axis("predicted slew angle", "deg")
     elif cause.effect == "sensor.drift":
         x, slope, label = material.time, material.size(cause, "drift"), axis("time", "s")
     else:  # tau_l d(reading)/dt = angle - reading
-        x = slopes(low_pass(material.measured["slew"], h, READING_CUTOFF), h)[0]
+        x = material.slopes(material.smooth(material.measured["slew"], READING_CUTOFF))[0]
         slope, label = -material.size(cause, "tau_l"), axis("measured slew speed", "deg/s")
     scale = 1.0 if cause.effect == "sensor.drift" else DEG
     return _slope(
@@ -82,10 +81,10 @@ def against_tracker(material: Material, cause: NamedCause) -> Picture:
     if not material.tracker:
         raise LookupError("no tracker")
     time, reading, stamp = (material.tracker[k] for k in ("time", "reading", "stamp"))
-    slew = low_pass(material.measured["slew"], material.h, 2.0 * READING_CUTOFF)
+    slew = material.smooth(material.measured["slew"], 2.0 * READING_CUTOFF)
     if cause.effect == "tracker.clock":
         # the mean speed between the two instants is that half way
-        speed = np.interp(0.5 * (stamp + time), material.time, np.gradient(slew, material.h))
+        speed = np.interp(0.5 * (stamp + time), material.time, material.slopes(slew)[0])
         off = np.interp(stamp, material.time, slew) - reading
         offset = material.size(cause, "offset")
         return _slope(
@@ -174,8 +173,7 @@ def limit(material: Material, cause: NamedCause) -> Picture:
     without = material.without(cause, "slew")
     if extended is None or without is None:
         raise LookupError("the predictions were not kept")
-    h = material.h
-    slew = low_pass(material.measured["slew"], h, 2.0 * READING_CUTOFF)
+    slew = material.smooth(material.measured["slew"], 2.0 * READING_CUTOFF)
     ends = [material.size(cause, name) for name in cause.parameters]
     near = 0.01 * float(np.ptp(slew))
     still = np.concatenate([[False], np.min([np.abs(slew - end) for end in ends], axis=0) < near, [False]])
@@ -211,7 +209,7 @@ def speed_over_angle(material: Material, cause: NamedCause) -> Picture:
     without = material.without(cause, "slew")
     if extended is None or without is None:
         raise LookupError("the predictions were not kept")
-    pick = points(extended.size, material.h)
+    pick = points(material)
     layers = []
     told: tuple[tuple[str, Role, Array], ...] = (
         ("measured", "measured", material.measured["slew"]),
@@ -220,8 +218,8 @@ def speed_over_angle(material: Material, cause: NamedCause) -> Picture:
     )
     fastest = 0.0
     for name, role, values in told:
-        angle = low_pass(values, material.h, READING_CUTOFF)
-        speed = slopes(angle, material.h)[0][pick] / DEG
+        angle = material.smooth(values, READING_CUTOFF)
+        speed = material.slopes(angle)[0][pick] / DEG
         fastest = fastest or float(np.abs(speed).max(initial=0.0))
         if fastest == 0.0:
             raise LookupError("the drive never moves")

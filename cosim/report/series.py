@@ -3,8 +3,6 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.logs.filter import low_pass_without_shift
-
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
@@ -37,17 +35,6 @@ def averaged(values: Array, size: int) -> tuple[Array, Array]:
     k = values.size // size
     at = (np.arange(k, dtype=np.float64) + 0.5) * size - 0.5
     return at, np.asarray(values[: k * size].reshape(k, size).mean(axis=1), dtype=np.float64)
-
-
-def low_pass(values: Array, h: float, cutoff: float) -> Array:
-    """A signal without what lies above `cutoff` Hz, no phase shift."""
-    return low_pass_without_shift(values, h, cutoff, order=3)
-
-
-def slopes(values: Array, h: float) -> tuple[Array, Array]:
-    """First and second time derivative of a smooth signal."""
-    first = np.asarray(np.gradient(values, h), dtype=np.float64)
-    return first, np.asarray(np.gradient(first, h), dtype=np.float64)
 
 
 def binned(x: Array, y: Array, independent: float, count: int = 24) -> tuple[Array, Array, Array]:

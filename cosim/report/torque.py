@@ -1,5 +1,6 @@
 """Evidence in the mechanics: torque that the measured pressure delivers and the model's motion does not need."""
 
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,7 +11,7 @@ from cosim.diagnosis.record.torque import TORQUE_CUTOFF, cutoff_for
 from cosim.report.material import Material
 from cosim.report.names import kind_of_motion
 from cosim.report.picture import Layer, Panel, Picture
-from cosim.report.series import binned, low_pass, reversals, slopes
+from cosim.report.series import binned, reversals
 from cosim.report.words import CAPTIONS, axis, effect_name, lacking, quantity, shows_speed
 from fmus import registry
 
@@ -40,13 +41,13 @@ class Motion:
             raise LookupError(f"the torque needs {drive} and {angle}")
         span = signals[angle].size * h
         cutoff, stride = cutoff_for(span), min(STRIDE, span / POINTS)
-        pick = points(signals[angle].size, h, stride)
-        shown = low_pass(signals[angle], h, cutoff)
+        pick = points(material, stride)
+        shown = material.smooth(signals[angle], cutoff)
         if shows_speed(angle):
-            theta, omega, alpha = np.cumsum(shown) * h, shown, slopes(shown, h)[0]
+            theta, omega, alpha = np.cumsum(shown) * h, shown, material.slopes(shown)[0]
         else:
-            theta, (omega, alpha) = shown, slopes(shown, h)
-        pressure = low_pass(signals[drive], h, cutoff)
+            theta, (omega, alpha) = shown, material.slopes(shown)
+        pressure = material.smooth(signals[drive], cutoff)
         self.applied = drive != "p_load"
         self.theta, self.omega, self.alpha, self.pressure = (v[pick] for v in (theta, omega, alpha, pressure))
         self.area = material.nominal("mechanical.A") * material.nominal("mechanical.r")
@@ -65,10 +66,13 @@ class Motion:
         self.independent = 2.0 * cutoff * stride
 
 
-def points(n: int, h: float, stride: float = STRIDE) -> NDArray[np.intp]:
-    """Samples shown: every `stride` s, without the edges."""
-    edge = min(round(EDGE / h), n // 4)
-    return np.arange(edge, n - edge, max(1, round(stride / h)))
+def points(material: Material, stride: float = STRIDE) -> NDArray[np.intp]:
+    """Samples shown: every `stride` s, without the edges of each log."""
+    found = []
+    for low, high in pairwise((0, *material.cuts, material.time.size)):
+        edge = min(round(EDGE / material.h), (high - low) // 4)
+        found.append(np.arange(low + edge, high - edge, max(1, round(stride / material.h))))
+    return np.concatenate(found)
 
 
 def opened(pressure: Array, material: Material, cause: NamedCause) -> Array:
@@ -249,7 +253,7 @@ def lost_motion(material: Material, cause: NamedCause) -> Picture:
     if driven is None:
         raise LookupError("the prediction without backlash was not kept")
     gap = material.size(cause, "gap")
-    rest = low_pass(material.measured["slew"] - driven, material.h, 2.0 * TORQUE_CUTOFF)
+    rest = material.smooth(material.measured["slew"] - driven, 2.0 * TORQUE_CUTOFF)
     turns = reversals(driven, max(1.5 * gap, 1e-3))
     stride = max(1, round(0.01 / material.h))
     travels, losses = [], []

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from cosim.diagnosis.answer.schema import NamedCause
 from cosim.report.material import BLOCK_EXTENDED, Material
 from cosim.report.picture import Layer, Panel, Picture
-from cosim.report.series import binned, low_pass, slopes, steady, steps_of
+from cosim.report.series import binned, steady, steps_of
 from cosim.report.torque import points
 from cosim.report.words import CAPTIONS, axis, effect_name, signal_name
 
@@ -27,8 +27,8 @@ def demand_of(material: Material, cause: NamedCause) -> Array:
     if "spool" not in material.measured:
         raise LookupError("the valve needs the spool")
     w0, zeta = material.value("dcv.w0", cause), material.value("dcv.zeta", cause)
-    spool = low_pass(material.measured["spool"], material.h, SPOOL_CUTOFF)
-    rate, acceleration = slopes(spool, material.h)
+    spool = material.smooth(material.measured["spool"], SPOOL_CUTOFF)
+    rate, acceleration = material.slopes(spool)
     return spool + 2.0 * zeta / w0 * rate + acceleration / w0**2
 
 
@@ -53,12 +53,12 @@ def curve(material: Material, cause: NamedCause) -> Picture:
     """Demand that the spool shows against the command: gain, offset, dead zone and stroke."""
     demand, h = demand_of(material, cause), material.h
     u = material.measured["u"]
-    pick = points(u.size, h, 0.01)
+    pick = points(material, 0.01)
     pick = pick[steady(u, h)[pick]]
     if pick.size < 20:
         raise LookupError("the command jumps all the time")
     x, y = u[pick], demand[pick]
-    off = (demand - low_pass(static(material, u, cause), h, SPOOL_CUTOFF))[pick]
+    off = (demand - material.smooth(static(material, u, cause), SPOOL_CUTOFF))[pick]
     grid = np.unique(np.concatenate([np.linspace(x.min(), x.max(), 401), np.linspace(-0.12, 0.12, 241)]))
     grid = grid[(grid >= x.min()) & (grid <= x.max())]
     nominal, extended = static(material, grid, cause), static(material, grid, None)
@@ -88,7 +88,7 @@ def play(material: Material, cause: NamedCause) -> Picture:
     demand, h = demand_of(material, cause), material.h
     u = material.measured["u"]
     half = material.size(cause, "play")
-    pick = points(u.size, h, 0.01)
+    pick = points(material, 0.01)
     pick = pick[steady(u, h)[pick]]
     change = np.diff(u, prepend=u[:1])
     moved = np.where(np.abs(change) > 1e-9, np.arange(u.size), 0)
@@ -97,7 +97,9 @@ def play(material: Material, cause: NamedCause) -> Picture:
     # just after a reversal the play is being crossed: on neither side of the loop
     crossed = np.abs(u - u[np.maximum(turned - 1, 0)]) > 2.0 * half + 0.01
     pick = pick[crossed[pick]]
-    off = (demand - low_pass(static(material, u, cause), h, SPOOL_CUTOFF)) / material.value("dcv.K", cause)
+    off = (demand - material.smooth(static(material, u, cause), SPOOL_CUTOFF)) / material.value(
+        "dcv.K", cause
+    )
     layers = []
     for name, role, sign in (("command rising", "rising", 1.0), ("command falling", "falling", -1.0)):
         own = direction[pick] == sign
@@ -134,7 +136,7 @@ def span_of(material: Material, apart: Array) -> tuple[NDArray[np.intp], Array, 
             rows = inside[:, None] + np.arange(-a, b)
             choices.append((float(np.mean(apart[rows] ** 2) * np.sqrt(inside.size)), pair, rows))
     if not choices:
-        centre = int(np.clip(np.argmax(low_pass(apart**2, h, 1.0)), a + b, u.size - a - b - 1))
+        centre = int(np.clip(np.argmax(material.smooth(apart**2, 1.0)), a + b, u.size - a - b - 1))
         rows = np.arange(max(0, centre - 2 * b), min(u.size, centre + 2 * b))[None, :]
         return rows, rows[0] * h, "where the two models differ most", axis("time", "s")
     _, pair, rows = max(choices, key=lambda c: c[0])
@@ -192,9 +194,9 @@ def ceiling(material: Material, cause: NamedCause) -> Picture:
     free = material.without(cause, "spool")
     if free is None:
         raise LookupError("the prediction without stops was not kept")
-    pick = points(free.size, material.h, 0.01)
+    pick = points(material, 0.01)
     x = free[pick] / MM
-    y = low_pass(material.measured["spool"], material.h, 2.0 * SPOOL_CUTOFF)[pick] / MM
+    y = material.smooth(material.measured["spool"], 2.0 * SPOOL_CUTOFF)[pick] / MM
     grid = np.linspace(x.min(), x.max(), 401)
     low, high = (material.size(cause, name) / MM for name in ("x_min", "x_max"))
     layers = [

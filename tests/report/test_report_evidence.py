@@ -11,10 +11,22 @@ from report_helpers import empty_answer, hidden_material, material_of, named
 
 from cosim.diagnosis.answer.schema import Words
 from cosim.lexicon import Lexicon, Shown, speaking
-from cosim.report.evidence import MAKERS, free_form, pictures
-from cosim.report.material import EXTENDED, NOMINAL, Curve, Material, Noise, Part
+from cosim.report.evidence import MAKERS, driver, free_form, pictures
+from cosim.report.folder import keep, load
+from cosim.report.material import (
+    BLOCK_EXTENDED,
+    EXTENDED,
+    KINDS,
+    MEASURED,
+    NOMINAL,
+    Curve,
+    Material,
+    Noise,
+    Part,
+)
 from cosim.report.overview import held_out, held_signals, signals, window
 from cosim.report.picture import Panel
+from cosim.report.reading import speed_over_angle
 from cosim.report.torque import Motion
 from cosim.report.words import PHRASES
 from cosim.rig import EFFECTS, Hidden, make_log
@@ -292,3 +304,23 @@ def test_pictures_of_a_held_out_log_shade_nothing():
     assert own.caption.endswith("Shaded: not used for fitting.")
     assert other.shaded == []
     assert "Shaded" not in other.caption
+
+
+def test_nothing_is_differentiated_or_smoothed_across_the_seam_of_two_logs(tmp_path):
+    """The speeds over an excavator's boom, 10 to 30 deg/s, were told as 600 where the second log began anew."""
+    h, ramp = 0.01, np.radians(np.concatenate([60.0 - 12.0 * np.arange(0.0, 5.0, 0.01)] * 2))
+    cause = named("mechanical.linkage", {"e_l": 0.3, "theta_l": 0.0})
+    series = {kind: {} for kind in KINDS} | {
+        MEASURED: {"slew": ramp},
+        BLOCK_EXTENDED: {"slew": ramp},
+        "without mechanical.linkage": {"slew": ramp},
+    }
+    material = Material(empty_answer(causes=[cause]), h, series, {}, cuts=(500,))
+    (panel,) = speed_over_angle(material, cause).panels
+    for layer in panel.layers:
+        assert layer.y.size > 300
+        np.testing.assert_allclose(layer.y, -12.0, rtol=1e-3)
+    np.testing.assert_allclose(driver(material, "omega", cause), np.radians(-12.0))
+    keep(material, tmp_path)  # and from its folder
+    (tmp_path / "diagnosis.json").write_text(material.answer.model_dump_json())
+    assert load(tmp_path).cuts == (500,)
