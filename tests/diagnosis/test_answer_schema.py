@@ -23,6 +23,7 @@ def test_how_far_a_rival_lies_behind_is_told_with_what_it_means() -> None:
     assert "known only nearly" in reason(2127.6, True)
     assert "worse by 30" in reason(30.0, False)
     assert "explains the fitted data better by 15 in" in reason(-15.2, False)
+    assert "explains the fitted data as well, but" in reason(0.2, False)
     assert "110.3 in log-likelihood ahead" in reason(-110.3, True)
 
 

@@ -327,11 +327,9 @@ def reason(behind: float, indistinguishable: bool) -> str:
         if behind < 0.0:
             return f"{-behind:.1f} in log-likelihood ahead on the fitted data: this log cannot tell the two apart"
         return f"only {behind:.1f} in log-likelihood behind: this log cannot tell the two apart"
-    if behind < 0.0:  # what is named was chosen with other data, or with the other causes, in view
-        return (
-            f"explains the fitted data better by {-behind:.0f} in log-likelihood, but not data held out, "
-            "or not beside the other causes"
-        )
+    if behind < 0.5:  # what is named was chosen with other data, or with the other causes, in view
+        by = f"better by {-behind:.0f} in log-likelihood" if behind <= -0.5 else "as well"
+        return f"explains the fitted data {by}, but not data held out, or not beside the other causes"
     return f"explains the log worse by {behind:.0f} in log-likelihood (less the price of its parameters)"
 
 
