@@ -76,8 +76,13 @@ def rows(material: Material) -> list[tuple[str, str, str, str, str]]:
     ]
 
 
-def by_side(material: Material) -> list[tuple[str, str, str, str, str, str]]:
-    """The same with what it is and its side apart, the sides of one thing behind one another."""
+def by_side(material: Material, sure: bool = False) -> list[tuple[str, str, str, str, str, str]]:
+    """The same with what it is and its side apart, the sides of one thing behind one another.
+
+    Args:
+        material: its answer has the curve, or none.
+        sure: only numbers whose interval excludes none at all.
+    """
     curve = material.answer.drive_curve
     if curve is None:
         return []
@@ -85,7 +90,7 @@ def by_side(material: Material) -> list[tuple[str, str, str, str, str, str]]:
     for kind, words in NUMBER_NAMES:
         for side, where in SIDES:
             item: DriveNumber | None = getattr(curve, kind).get(side)
-            if item is None:
+            if item is None or (sure and item.ci95[0] <= 0.0 <= item.ci95[1]):
                 continue
             # what is known better than a thousandth of what the curve spans is no news
             along = [point[0 if kind == "dead_zone" else 1] for point in curve.points]

@@ -192,9 +192,9 @@ def fitted(result: Answer) -> Iterator[str]:
 
 
 def drive(result: Answer) -> Iterator[str]:
-    """What a person would read off the drive's static curve, which needs no model."""
+    """What a person would read off the drive's static curve, which needs no model; nothing that may be none."""
     told = []
-    for words, sides in groupby(by_side(Material(result, 0.0, {}, {})), key=itemgetter(0)):
+    for words, sides in groupby(by_side(Material(result, 0.0, {}, {}), sure=True), key=itemgetter(0)):
         numbers = [(value, ends, unit) for _, _, value, ends, unit, _ in sides]
         if words != SLOPE:
             sizes = " and ".join(f"{value} ({ends})" for value, ends, _ in numbers)

@@ -423,6 +423,10 @@ def test_a_stop_of_a_valve_that_nobody_measured_is_told_by_the_top_speed():
     drive = next(line for line in told if line.startswith("Drive by itself"))
     assert "dead zone -47 (-62 to -32) and 59 (20 to 98) %" in drive
     assert "top speed -2.05 (-2.19 to -1.91) and 1.81 (1.61 to 2.01) cm/s" in drive
+    unsure = {"low": DriveNumber(value=-35.0, unit="%", ci95=(-71.0, 0.0))}
+    answer = empty_answer(causes=[stopped("x_max")], drive_curve=curve(dead_zone=unsure), words=SCALE)
+    drive = next(line for line in lines(answer, OUT) if line.startswith("Drive by itself"))
+    assert "dead zone" not in drive, "what may be none"
 
 
 def test_a_limit_of_a_demanded_place_is_told_as_a_speed():
