@@ -12,7 +12,16 @@ from cosim.report import hydraulics, reading, torque, valve
 from cosim.report.material import BLOCK_EXTENDED, Curve, Material
 from cosim.report.picture import Layer, Panel, Picture
 from cosim.report.series import averaged, binned
-from cosim.report.words import CAPTIONS, axis, block_name, effect_name, lacking, quantity, signal_name
+from cosim.report.words import (
+    CAPTIONS,
+    CHANGING,
+    axis,
+    block_name,
+    effect_name,
+    lacking,
+    quantity,
+    signal_name,
+)
 
 Array = NDArray[np.float64]
 Maker = Callable[[Material, NamedCause], Picture]
@@ -162,6 +171,13 @@ def free_form(block: str, signal: str, curve: Curve, key: str) -> Picture:
     what, _, of = curve.label.partition("(")
     of = of.removesuffix(")") if not of.startswith("abs(") else of.removesuffix("))") + ")"
     (x_text, x_unit, x_scale), (y_text, y_unit, y_scale) = quantity(of), lacking(what)
+    driver = x_text
+    along, changing, by = of.partition(CHANGING)
+    if changing:  # the curve is of the factor, over what it changes with
+        per_text, per_unit, per_scale = quantity(along)
+        x_text, x_unit, x_scale = quantity(by)
+        y_text, y_scale = f"{y_text} per {per_text}", y_scale / per_scale
+        y_unit = y_unit if per_unit == "1" else f"{y_unit} per {per_unit}"
     layers = [
         Layer(
             "line",
@@ -183,5 +199,5 @@ def free_form(block: str, signal: str, curve: Curve, key: str) -> Picture:
         f"{y_text.capitalize()} against {x_text} ({block_name(block)}, seen in the {signal_name(signal)})",
         axis(x_text, x_unit),
         [Panel(axis(y_text, y_unit), layers)],
-        CAPTIONS["free_form"].format(driver=x_text, gain=curve.gain),
+        CAPTIONS["free_form"].format(driver=driver, gain=curve.gain),
     )

@@ -27,6 +27,8 @@ BLOCK_NAMES = {
 # where a quantity "of" which something depends, or "what" is missing, is shown: (name, SI unit, shown unit)
 QUANTITIES: dict[str, tuple[str, str, str]] = {
     "omega": ("slew speed", "rad/s", "deg/s"),
+    "acceleration": ("slew acceleration", "rad/s2", "deg/s2"),
+    "direction": ("direction of motion", "1", "1"),
     "theta": ("slew angle", "rad", "deg"),
     "slew": ("slew angle", "rad", "deg"),
     "path of theta since it turned": ("path since the last reversal", "rad", "deg"),

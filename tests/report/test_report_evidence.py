@@ -226,6 +226,22 @@ def test_free_form_curve_in_units_people_read():
     assert picture.panels[0].layers[0].y.tolist() == [0.0, -2.0]
 
 
+def test_the_curve_of_a_factor_stands_over_what_it_changes_with():
+    """Over 0 to 62 deg of a boom it was labelled "speed, changing with angle [deg/s]"."""
+    knots, factor = np.radians([0.0, 62.0]), np.array([0.0, 5.0])  # N m per rad/s
+    curve = Curve("torque(omega, changing with theta)", 31.0, knots, factor)
+    picture = free_form("mechanical", "slew", curve, "rest")
+    assert picture.x == "slew angle [deg]"
+    assert picture.title.startswith("Missing torque per slew speed against slew angle")
+    (panel,) = picture.panels
+    assert panel.y == "missing torque per slew speed [N m per deg/s]"
+    np.testing.assert_allclose(panel.layers[0].x, [0.0, 62.0])
+    np.testing.assert_allclose(panel.layers[0].y, [0.0, np.radians(5.0)])
+    of = "torque(acceleration, changing with time)"
+    (panel,) = free_form("mechanical", "slew", replace(curve, label=of), "rest").panels
+    assert panel.y == "missing torque per slew acceleration [N m per deg/s²]"
+
+
 def test_without_steps_a_response_is_shown_where_the_models_differ_most():
     run = make_log("sweep", 30.0, [Hidden("dcv.bandwidth")], seed=3)
     values = {n.partition(".")[2]: v for n, v in Hidden("dcv.bandwidth").numbers().items()}
