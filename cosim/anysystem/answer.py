@@ -34,7 +34,7 @@ from cosim.diagnosis.answer.schema import (
     SignalGain,
     Unexplained,
 )
-from cosim.diagnosis.held_out.between import Between
+from cosim.inference.between import Between
 from cosim.inference.held_out import ratio_ci95, squares_by_block
 from cosim.inference.problem import Fit
 from cosim.inference.unknowns import Unknown

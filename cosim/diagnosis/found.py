@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from cosim.compare.metrics import noise_floor
 from cosim.diagnosis.budget import Budget
-from cosim.diagnosis.held_out.between import Between
 from cosim.diagnosis.held_out.causes import Held, Refused, Steps
 from cosim.diagnosis.held_out.gain import Gain
 from cosim.diagnosis.labels import Contradiction
@@ -21,6 +20,7 @@ from cosim.diagnosis.residuals.reference import Fitted, Reference
 from cosim.diagnosis.thresholds import LESS_THAN_NOISE
 from cosim.diagnosis.tracker.comparison import TrackerFinding
 from cosim.diagnosis.verdict.verdict import Cause, Rest, floor_of
+from cosim.inference.between import Between
 from cosim.inference.linear import LinearModel
 
 Array = NDArray[np.float64]

@@ -552,27 +552,6 @@ FOLDS: Annotated[
     "a quarter has strokes enough to judge by, and the estimate without it is a step from that of all",
     "20 real logs, each alone (benchmarks/each_alone.py): two logs of an axis agree on 63 of 99 sizes, with windows on 22 of 67",
 ] = 4
-BETWEEN_LOGS: Annotated[
-    float,
-    "share of the size",
-    "standard deviation from log to log of the half-normal prior",
-    "two or three logs do not tell how much a parameter changes",
-    "500 draws each: 95 % intervals hold in 89 to 100 %",
-] = 0.5
-SAME_IN_ALL: Annotated[
-    float,
-    "chance",
-    "prior chance that a parameter is the same in all logs",
-    "likewise",
-    "500 draws each: 95 % intervals hold in 89 to 100 %",
-] = 0.25
-SAYS_NOTHING: Annotated[
-    float,
-    "share of the information",
-    "least share in what all logs tell of a parameter with which a log is a repetition of it",
-    "what a log draws is divided by its share: of next to nothing that is noise",
-    "not measured by itself",
-] = 0.02
 REFERENCE_WINDOWS: Annotated[
     int,
     "windows",

@@ -10,9 +10,9 @@ is replaced by one that grows linearly (soft L1) from what most stretches are of
 Beside the seven numbers the curve is fitted freely: straight lines between knots, which only rise (NNLS).
 
 Intervals hold from log to log. Within a log they come from its own parts (a moving-block jackknife over parts that are
-long against anything the drive remembers); between logs from the scatter of the logs (DerSimonian and Laird, Controlled
-Clinical Trials 7(3), 1986), with Student's t for the number of logs. A log alone says nothing of the next one: then the
-scatter of other drives' logs, SCATTER, is added.
+long against anything the drive remembers); between logs from the scatter of the logs, which two or three hardly tell:
+what is known of it from other drives, SCATTER, is their prior (`cosim.inference.between`). A log alone says nothing of the
+next one: then that is added.
 """
 
 from collections.abc import Sequence
@@ -35,6 +35,7 @@ from cosim.identify.drive_fit import (
     knots_of,
     mean_speeds,
 )
+from cosim.inference.between import combined
 
 Array = NDArray[np.float64]
 
@@ -48,6 +49,9 @@ OF_ITS_OWN = 0.7
 # relative, of dead zone, slope and top speed between the logs of one machine, where only one log is known: root mean
 # square over boom, stick and bucket of a small excavator (five logs each, docs/identify.md), beyond what a log itself knows
 SCATTER = {"dead": 0.11, "slope": 0.28, "top": 0.016}
+# times as much is the half-normal prior of it for another drive, of which two or three logs hardly tell it: intervals from
+# two or three of the excavator's five logs hold in 94 to 100 % of the others (docs/identify.md)
+MAY_SCATTER = 3.0
 
 
 @dataclass(frozen=True)
@@ -234,30 +238,29 @@ def _jackknife(others: Array) -> Array:
     return np.asarray(np.sqrt((count - 1) / count * np.sum((others - others.mean(axis=0)) ** 2, axis=0)))
 
 
-def next_log(told: Sequence[Estimate], scatter: float = 0.0) -> Estimate:
+def next_log(told: Sequence[Estimate], scatter: float) -> Estimate:
     """One number of a machine from those of its logs, with the interval in which the next log's lies in 95 % of cases.
 
     Args:
         told: of each log.
-        scatter: relative standard deviation between logs, where one log alone is known.
+        scatter: relative standard deviation between the logs of other drives.
     """
-    values, own = np.array([e.value for e in told]), np.array([e.deviation for e in told]) ** 2
+    values, own = np.array([e.value for e in told]), np.array([e.deviation for e in told])
     if len(told) == 1:
         (one,) = told
         # this log and the next are off by as much
         spread = float(np.hypot(one.deviation, scatter * abs(one.value)) * np.sqrt(2.0))
         return _one_sided(one.value, one.deviation, float(student.ppf(0.975, PARTS - 1)) * spread)
-    weights = 1.0 / np.maximum(own, 1e-12 * max(float(own.max()), 1e-300))
-    mean = float(weights @ values / weights.sum())
-    spread = float(weights @ (values - mean) ** 2)
-    scale = float(weights.sum() - (weights @ weights) / weights.sum())
-    apart = max(0.0, (spread - (len(told) - 1)) / scale) if scale > 0.0 else 0.0
-    weights = 1.0 / np.maximum(own + apart, 1e-300)
-    mean = float(weights @ values / weights.sum())
-    # of the mean, of the machine from log to log, and of what one more log would read by itself
-    variance = 1.0 / float(weights.sum()) + apart + float(np.mean(own))
-    reach = float(student.ppf(0.975, len(told) - 1)) * float(np.sqrt(variance))
-    return _one_sided(mean, float(np.sqrt(1.0 / weights.sum())), reach)
+    own = np.maximum(own, 1e-6 * max(float(own.max()), 1e-300))
+    size, apart = float(np.abs(values).mean()), 0.0
+    for _ in range(
+        2
+    ):  # logs count by how well each knows the number, and by how the machine changes between them
+        weights = 1.0 / (own**2 + apart**2)
+        mean, deviation = float(weights @ values / weights.sum()), float(weights.sum() ** -0.5)
+        found = combined(mean, deviation, values, own, size, MAY_SCATTER * scatter)
+        apart = found.scatter
+    return _one_sided(mean, deviation, found.next_ci95[1] - mean)
 
 
 def _one_sided(value: float, deviation: float, reach: float) -> Estimate:
@@ -281,10 +284,15 @@ def _common(each: Sequence[DriveCurve]) -> tuple[Array, Array, Array]:
             for c in each
         ]
     )
-    mean, count = np.nanmean(rows, axis=0), np.sum(np.isfinite(rows), axis=0)
     own = np.array([np.interp(knots, c.knots, 0.25 * (c.band[1] - c.band[0])) for c in each])
-    spread = np.sqrt(
-        np.nanvar(rows, axis=0, ddof=1) * (1.0 + 1.0 / count) + np.median(own, axis=0) ** 2 / count
-    )
-    off = student.ppf(0.975, np.maximum(count - 1, 1)) * spread
+    mean, off = np.full(knots.size, np.nan), np.full(knots.size, np.nan)
+    for i, (speeds, deviations) in enumerate(zip(rows.T, own.T, strict=True)):
+        here = np.isfinite(speeds)
+        mean[i] = speeds[here].mean()
+        of_all = float(np.sqrt(np.mean(deviations[here] ** 2) / here.sum()))
+        if here.sum() == 1:
+            off[i] = 2.0 * of_all
+            continue
+        found = combined(mean[i], of_all, speeds[here], deviations[here], abs(mean[i]))
+        off[i] = found.next_ci95[1] - mean[i]
     return knots, mean, np.array([mean - off, mean + off])

@@ -16,10 +16,10 @@ from cosim.diagnosis.fitting.noise import Windows, learned, plain
 from cosim.diagnosis.fitting.trials import tried
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.held_out import causes
-from cosim.diagnosis.held_out.between import combined, over_logs
 from cosim.diagnosis.held_out.causes import each_in_turn, left_out_errors
 from cosim.diagnosis.held_out.free_run import errors, onward, refitted
 from cosim.diagnosis.held_out.gain import measure
+from cosim.diagnosis.held_out.over_logs import over_logs
 from cosim.diagnosis.hypotheses.naming import find, nominal
 from cosim.diagnosis.model.groups import MODELS, Group
 from cosim.diagnosis.model.machine import our_machine
@@ -44,6 +44,7 @@ from cosim.diagnosis.residuals.finding import Finding, lacking, learn_noise
 from cosim.diagnosis.thresholds import CALIBRATED_TRUST
 from cosim.diagnosis.verdict.verdict import Cause, adequate, cause_of
 from cosim.errors import DataError, UsageError
+from cosim.inference.between import combined
 from cosim.inference.held_out import HeldOutGain
 from cosim.inference.linear import Sections, columns
 from cosim.logs import Log, Tracker

@@ -14,7 +14,7 @@ from cosim.api.identifying import dead_zone_of
 from cosim.errors import DataError
 from cosim.identify import drive_fit
 from cosim.identify.answer import finish
-from cosim.identify.drive_curve import NAMES, OF_ITS_OWN, Estimate, drive_curve, next_log
+from cosim.identify.drive_curve import NAMES, OF_ITS_OWN, SCATTER, Estimate, drive_curve, next_log
 from cosim.identify.drive_fit import Run, static
 from cosim.identify.drive_held_out import predicted
 from cosim.identify.run_drive import Told, drive_answer, sentences
@@ -157,7 +157,7 @@ def test_intervals_hold_for_the_next_log():
             for name in NAMES:
                 others = [e.values[name] for k, e in enumerate(each) if k != left and name in e.values]
                 if name in one.values and len(others) > 2:
-                    told = next_log(others)
+                    told = next_log(others, SCATTER[name.partition("_")[0]])
                     inside.append(told.low <= one.values[name].value <= told.high)
     assert len(inside) > 100
     # at 95 % fewer than 88 % of some 110 are as rare as one in four hundred, were they independent
@@ -167,11 +167,23 @@ def test_intervals_hold_for_the_next_log():
 def test_several_logs_scatter_and_one_does_not_hide_it():
     same = [Estimate(1.0, 0.01, 0.0, 0.0)] * 4
     apart = [Estimate(v, 0.01, 0.0, 0.0) for v in (0.8, 0.9, 1.1, 1.2)]
-    assert next_log(apart).high - next_log(apart).low > 10.0 * (next_log(same).high - next_log(same).low)
+    wide, narrow = next_log(apart, 0.1), next_log(same, 0.1)
+    assert wide.high - wide.low > 5.0 * (narrow.high - narrow.low)
+    assert wide.low < 0.8
+    assert wide.high > 1.2
     alone = next_log(same[:1], 0.1)
     assert alone.high - 1.0 == pytest.approx(
         2.262 * np.sqrt(2.0) * np.hypot(0.01, 0.1), rel=1e-3
     )  # Student's t, nine degrees
+
+
+@pytest.mark.parametrize(("values", "holds"), [((0.23, 0.24), 0.5), ((0.20, 0.28), 1.0), ((0.1, 0.4), 1.4)])
+def test_two_logs_are_not_as_if_nothing_were_known_of_how_drives_scatter(values, holds):
+    """Student's t of one degree made a dead zone of 0.23 and 0.24 "0 to 0.57" for the next log."""
+    told = next_log([Estimate(v, 0.015, 0.0, 0.0) for v in values], SCATTER["dead"])
+    assert told.low < values[0]
+    assert told.high > values[1]
+    assert (told.high - told.low) / (2.0 * told.value) < holds
 
 
 def test_a_top_speed_that_is_not_reached_is_not_told():

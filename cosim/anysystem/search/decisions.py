@@ -20,8 +20,8 @@ from cosim.anysystem.search.finding import (
 from cosim.anysystem.search.fits import CLOSE, NAMED
 from cosim.anysystem.search.known import LEAST, SURE, Stage
 from cosim.anysystem.search.rivals import Rivals
-from cosim.diagnosis.held_out.between import Between, between_logs, combined, drawn_by_logs
 from cosim.errors import SimulationError
+from cosim.inference.between import Between, between_logs, combined, drawn_by_logs
 from cosim.inference.freeform import Explained
 from cosim.inference.held_out import HeldOutGain, ratio_ci95, squares_by_block
 from cosim.inference.problem import ABOUT, DIFFERENCE, FINE, Fit

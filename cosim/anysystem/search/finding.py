@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from cosim.anysystem.actions import PARAMETER, Action
 from cosim.anysystem.model import SHIFT, GroupModel
 from cosim.anysystem.readings import Grid, Stale
-from cosim.diagnosis.held_out.between import Between
+from cosim.inference.between import Between
 from cosim.inference.freeform import Explained
 from cosim.inference.held_out import HeldOutGain
 from cosim.inference.problem import Fit, Problem

@@ -45,12 +45,12 @@ from cosim.diagnosis.answer.schema import (
 from cosim.diagnosis.fitting.limits import idle
 from cosim.diagnosis.fitting.trials import declared
 from cosim.diagnosis.found import Diagnosis
-from cosim.diagnosis.held_out.between import Between
 from cosim.diagnosis.model.isolability import isolability
 from cosim.diagnosis.residuals.finding import at_first
 from cosim.diagnosis.residuals.reference import Reference, described
 from cosim.diagnosis.thresholds import INDEPENDENT, INDISTINGUISHABLE, SYSTEMATIC_SHARE
 from cosim.diagnosis.verdict.verdict import Cause, local, names_of, size_of, stands, unfollowed
+from cosim.inference.between import Between
 from cosim.inference.held_out import ratio_ci95
 from cosim.lexicon import current
 from cosim.logs import Log, listed

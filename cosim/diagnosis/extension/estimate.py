@@ -18,10 +18,10 @@ from cosim.diagnosis.fitting.noise import Whitener
 from cosim.diagnosis.fitting.trials import Trial
 from cosim.diagnosis.fitting.whole import fitted_chain, whole_run
 from cosim.diagnosis.found import Diagnosis
-from cosim.diagnosis.held_out.between import over_logs
 from cosim.diagnosis.held_out.causes import Held, each_in_turn, left_out_errors, passed_in
 from cosim.diagnosis.held_out.free_run import errors, onward, refitted
 from cosim.diagnosis.held_out.gain import Gain, begun_anew, measure, run_package
+from cosim.diagnosis.held_out.over_logs import over_logs
 from cosim.diagnosis.hypotheses.naming import worth_naming
 from cosim.diagnosis.model.groups import Group
 from cosim.diagnosis.record.grid import of_piece

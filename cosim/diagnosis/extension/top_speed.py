@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from cosim.diagnosis.fitting.fit import Fit
 from cosim.diagnosis.fitting.group_model import GroupModel
-from cosim.diagnosis.held_out.between import Between, over_logs
+from cosim.diagnosis.held_out.over_logs import over_logs
 from cosim.diagnosis.model.groups import Group
 from cosim.diagnosis.record.grid import of_piece
+from cosim.inference.between import Between
 from fmus.contract import Effect, Free
 
 Array = NDArray[np.float64]

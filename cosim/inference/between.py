@@ -13,7 +13,6 @@ share of none, over which the interval is averaged (Gronau et al., A Bayesian mo
 Results in Social Psychology 2(1), 2017).
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -21,10 +20,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.special import erf
 
-from cosim.diagnosis.fitting.fit import Fit
-from cosim.diagnosis.record.record import is_start
-from cosim.diagnosis.residuals.cross_validation import moving
-from cosim.diagnosis.thresholds import BETWEEN_LOGS, SAME_IN_ALL, SAYS_NOTHING
+from cosim.inference.thresholds import BETWEEN_LOGS, SAME_IN_ALL, SAYS_NOTHING
 
 Array = NDArray[np.float64]
 
@@ -84,7 +80,14 @@ class Between:
         return self.value - reach, self.value + reach
 
 
-def combined(value: float, deviation: float, values: Array, deviations: Array, size: float) -> Between:
+def combined(
+    value: float,
+    deviation: float,
+    values: Array,
+    deviations: Array,
+    size: float,
+    usual: float = BETWEEN_LOGS,
+) -> Between:
     """One parameter over several logs.
 
     Args:
@@ -93,13 +96,14 @@ def combined(value: float, deviation: float, values: Array, deviations: Array, s
         values: (k,) estimate from each log.
         deviations: (k,) standard deviation of each; zero or not finite where the log says nothing of it.
         size: of the parameter: how far it is from where it has no effect.
+        usual: standard deviation of the half-normal prior over it.
     """
     known = np.isfinite(deviations) & (deviations > 0.0) & np.isfinite(values)
     told = np.where(known, deviations, np.inf)
     each, squares = values[known], deviations[known] ** 2
     if each.size < 2:
         return Between(value, values, told, deviation**2)
-    prior = BETWEEN_LOGS * max(size, float(np.sqrt(squares.min())))
+    prior = usual * max(size, float(np.sqrt(squares.min())))
     scatters = prior * SCATTERS
     variances = squares[:, None] + scatters**2
     weights = 1.0 / variances
@@ -115,31 +119,6 @@ def combined(value: float, deviation: float, values: Array, deviations: Array, s
     chances = before * np.exp(likely - likely.max())
     share = float(np.sum(squares**-2) / np.sum(1.0 / squares) ** 2)
     return Between(value, values, told, deviation**2, share, scatters, chances / chances.sum())
-
-
-def over_logs(fit: Fit, log: NDArray[np.int64], off: Callable[[str], float]) -> dict[str, Between]:
-    """Each estimated parameter over the logs of a fit; nothing for one log.
-
-    Args:
-        fit: to all logs.
-        log: (n,) number of the log to which each of its whitened values belongs, from 0; starts of the logs are no
-            parameters of the machine and are left out.
-        off: ``component.parameter`` -> where it has no effect, SI.
-    """
-    names, slopes = moving(fit)
-    if not names or fit.rows is None:
-        return {}
-    scales = np.array([fit.scales[n] for n in names])
-    drawn = drawn_by_logs(slopes, fit.rows, log, scales)
-    found = {}
-    for i, name in enumerate(names):
-        if is_start(name) or name not in fit.deviations or drawn is None:
-            continue
-        value, deviation = fit.values[name], fit.deviations[name]
-        # a limit out of reach says nothing of one that is met
-        size = min(abs(value - off(name)), abs(value))
-        found[name] = between_logs(value, deviation, drawn.steps[:, i], drawn.shares[:, i], size)
-    return found
 
 
 @dataclass(frozen=True)
