@@ -23,29 +23,45 @@ def picture(material: Material) -> Picture | None:
     curve = material.answer.drive_curve
     if curve is None:
         return None
+    command, motion = curve.command, curve.motion
+    unit, scale = parts_of_full(command["unit"])
     u, speed, low, high = np.array(curve.points, dtype=np.float64).T
+    corners, edges = lined(material)
     layers = [
-        Layer("band", "95 % band", "measured", u, low, high),
-        Layer("line", "free curve", "plain", u, speed),
+        Layer("line", "free curve", "plain", scale * u, speed),
         Layer(
-            "line", "dead zone, slope, top speed", "measured", *lined(material), hidden=bool(curve.simulated)
+            "line",
+            "dead zone, slope, top speed",
+            "measured",
+            scale * corners,
+            edges,
+            hidden=bool(curve.simulated),
         ),
     ]
     if curve.simulated:
         at, nominal, extended = np.array(curve.simulated, dtype=np.float64).T
-        layers.append(Layer("line", "nominal model", "nominal", at, nominal))
+        layers.append(Layer("line", "nominal model", "nominal", scale * at, nominal))
         if not np.isnan(extended).any():
-            layers.append(Layer("line", "extended model", "extended", at, extended))
-    command, motion = curve.command, curve.motion
+            layers.append(Layer("line", "extended model", "extended", scale * at, extended))
+    # at an end that one log reached once, the band may be many times as wide as all curves
+    drawn = np.concatenate([layer.y for layer in layers])
+    least, most = float(drawn.min()) - float(np.ptp(drawn)), float(drawn.max()) + float(np.ptp(drawn))
+    band = np.clip(low, least, most), np.clip(high, least, most)
+    layers.insert(0, Layer("band", "95 % band", "measured", scale * u, *band))
     moved = signal_name(motion["signal"])
     speed_of = moved if shows_speed(motion["signal"]) else f"speed of {moved}"
     return Picture(
         "drive-curve",
         "Static curve of the drive",
-        axis(signal_name(command["signal"]), command["unit"]),
+        axis(signal_name(command["signal"]), unit),
         [Panel(axis(speed_of, motion["unit"]), layers)],
         CAPTION.format(logs=" and ".join(curve.logs)) + (MODELS if curve.simulated else ""),
     )
+
+
+def parts_of_full(unit: str) -> tuple[str, float]:
+    """Unit in which a command is shown, and how many of it make one as it is told: parts of full command are per cent."""
+    return ("%", 100.0) if unit in ("1", "") else (unit, 1.0)
 
 
 def lined(material: Material) -> tuple[np.ndarray, np.ndarray]:
@@ -95,14 +111,15 @@ def by_side(material: Material, sure: bool = False) -> list[tuple[str, str, str,
             # what is known better than a thousandth of what the curve spans is no news
             along = [point[0 if kind == "dead_zone" else 1] for point in curve.points]
             finest = FINEST * (max(along) - min(along)) * (0.0 if kind == "slope" else 1.0)
-            spread = max(0.5 * (item.ci95[1] - item.ci95[0]), finest)
+            unit, scale = parts_of_full(item.unit) if kind == "dead_zone" else (item.unit, 1.0)
+            spread = scale * max(0.5 * (item.ci95[1] - item.ci95[0]), finest)
             read = ""
             if item.reading is not None:
                 first, second = item.reading.ci95
-                known = item.ci95[1] - item.ci95[0]
+                known = scale * (item.ci95[1] - item.ci95[0])
                 wide = 0.5 * abs(second - first) * (2.0 * spread / known if known > 0.0 else 1.0)
                 ends = " to ".join(number(v, wide) for v in item.reading.ci95)
                 read = f"{item.reading.column}: {number(item.reading.value, wide)} ({ends})"
-            ends = " to ".join(number(v, spread) for v in item.ci95)
-            found.append((words, where, number(item.value, spread), ends, unit_text(item.unit), read))
+            ends = " to ".join(number(scale * v, spread) for v in item.ci95)
+            found.append((words, where, number(scale * item.value, spread), ends, unit_text(unit), read))
     return found

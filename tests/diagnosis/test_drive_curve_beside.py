@@ -129,10 +129,25 @@ def test_what_is_known_too_well_is_rounded_and_a_speed_is_no_speed_of_itself(tmp
     )
     material = Material(Answer.model_construct(drive_curve=curve), 0.05, {}, {})
     with speaking(Lexicon(signals={"speed": Shown("rpm", 9.55, "speed")})):
-        assert drive.rows(material)[0][1:3] == ("0.0000", "0.0000 to 0.0000")
+        assert drive.rows(material)[0][1:4] == ("0.00", "0.00 to 0.00", "%")
         shown = drive.picture(material)
         assert shown is not None
         assert shown.panels[0].y == "speed [rpm]"
+
+
+def test_a_band_that_is_wide_where_one_log_went_once_leaves_the_curve_to_be_seen(tmp_path):
+    """Of a small excavator's swing, 45 deg/s at most, the picture went from -700 to 800."""
+    found, log = diagnosed(tmp_path)
+    curve = curve_of(found, log)
+    assert curve is not None
+    u, speed, _, _ = curve.points[-1]
+    wide = curve.model_copy(update={"points": [*curve.points[:-1], (u, speed, speed - 1e3, speed + 1e3)]})
+    material = Material(Answer.model_construct(drive_curve=wide), 0.05, {}, {})
+    with speaking(found.machine.lexicon):
+        shown = drive.picture(material)
+    assert shown is not None
+    band, line = shown.layer("measured", kind="band"), shown.layer("plain")
+    assert np.ptp(np.concatenate([band.y, band.error])) <= 4.0 * np.ptp(line.y)
 
 
 def test_a_force_is_no_command(tmp_path):
