@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.anysystem.actions import PARAMETER, Action
-from cosim.anysystem.missing import Missing
+from cosim.anysystem.missing import SPEED_OF, Missing
 from cosim.anysystem.model import Segment
 from cosim.anysystem.pipeline import NO_LOGS, AnyDiagnosis, listed
 from cosim.anysystem.read import value_of
@@ -441,25 +441,41 @@ def unexplained(found: AnyDiagnosis) -> list[Unexplained]:
 
 def entering(lost: Missing) -> str:
     """Words for where what is missing enters."""
-    what = f"a function of {lost.by}" if lost.by else "a function of several signals"
+    what = f"a function of {driver(lost.by)}" if lost.by else "a function of several signals"
     return f"{what} added at {' or '.join(lost.ports)} would tell {100 * lost.told:.0f} % of it"
+
+
+def driver(name: str) -> str:
+    """What a function is of, within a sentence."""
+    return f"the {name} (as friction is)" if name.startswith(SPEED_OF) else name
 
 
 def shape(found: AnyDiagnosis, lost: Missing) -> MissingFunction:
     """The same for programs, in the units of the log."""
-    port = Port(*lost.ports[0].rpartition(" ")[0].split(".", 1))
-    factor = unit_at(found, Action("port.gain", port, "input"))[1]
-    _, scale, offset = (
-        unit_at(found, Action("port.gain", Port(*lost.by.split(".", 1)), "input"))
-        if lost.by
-        else ("", 1.0, 0.0)
-    )
+    (_, factor, _), (_, scale, offset), of = scales(found, lost)
     return MissingFunction(
         enters_at=list(lost.ports),
         depends_on=lost.by or None,
         share=lost.told,
-        points=[((x - offset) / scale, y / factor) for x, y in zip(lost.at, lost.of, strict=True)],
+        points=[((x - offset) / scale, y / factor) for x, y in zip(lost.at, lost.of, strict=True)]
+        if of
+        else [],
     )
+
+
+def scales(
+    found: AnyDiagnosis, lost: Missing
+) -> tuple[tuple[str, float, float], tuple[str, float, float], str]:
+    """Unit, factor and zero of the port where it enters, and of the one signal of which it is; and that signal, or none."""
+    port = Port(*lost.ports[0].rpartition(" ")[0].split(".", 1))
+    of = lost.by
+    if not of:
+        return unit_at(found, Action("port.gain", port, "input")), ("", 1.0, 0.0), ""
+    signal = Port(*of.removeprefix(SPEED_OF).split(".", 1))
+    unit, scale, offset = unit_at(found, Action("port.gain", signal, "input"))
+    if of.startswith(SPEED_OF):  # where a scale has its zero is nothing to a speed
+        unit, offset = f"{'1' if unit in ('', '1') else unit}/s", 0.0
+    return unit_at(found, Action("port.gain", port, "input")), (unit, scale, offset), of
 
 
 def calibrated(found: AnyDiagnosis) -> dict[str, Calibration]:

@@ -1,16 +1,17 @@
 """The report of a diagnosis of any system: one HTML file, in the look of the drive's."""
 
+import itertools
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cosim.anysystem.answer import column_scale, judged_signals
+from cosim.anysystem.answer import column_scale, judged_signals, scales
 from cosim.anysystem.model import place as placed
 from cosim.anysystem.pipeline import AnyDiagnosis
 from cosim.anysystem.search import errors, extended
-from cosim.diagnosis.answer.schema import Answer
+from cosim.diagnosis.answer.schema import Answer, Unexplained
 from cosim.errors import MissingExtraError
 from cosim.files import write_text
 from cosim.plots import thinned
@@ -18,6 +19,7 @@ from cosim.report.page import REPORT, alone, interval, need_extra, render, versi
 from cosim.report.picture import Layer, Panel, Picture
 from cosim.report.plain import Link, advice, plain
 from cosim.report.screen import better, in_words, place, wrong
+from cosim.report.words import CAPTIONS, axis
 
 MOST_SIGNALS = 3  # that are written beside a part
 
@@ -50,6 +52,7 @@ def write_page(found: AnyDiagnosis, answer: Answer, folder: Path) -> Path | None
     except MissingExtraError:
         return None
     pictures = [picture(found, k) for k in range(len(found.segments))]
+    lost = [lacking(found, rest, k) for k, rest in enumerate(answer.unexplained)]
     drawn = [p for p in pictures if p.panels]
     first = found.segments[0]
     sections: dict[str, Any] = {
@@ -98,7 +101,7 @@ def write_page(found: AnyDiagnosis, answer: Answer, folder: Path) -> Path | None
             }
             for cause in answer.causes
         ],
-        "rests": [{"rest": rest, "pictures": []} for rest in answer.unexplained],
+        "rests": [{"rest": rest, "pictures": p} for rest, p in zip(answer.unexplained, lost, strict=True)],
         "command": [],
         "files": [(log.source.name, "", log.sha256) for log in found.logs],
         "versions": {k: v for k, v in answer.made.items() if not k.endswith((".csv", ".toml"))},
@@ -110,8 +113,31 @@ def write_page(found: AnyDiagnosis, answer: Answer, folder: Path) -> Path | None
         "windows": int(np.unique(np.concatenate([s.windows[~s.fitted] for s in found.segments])).size),
     }
     file = folder / REPORT
-    write_text(file, render(sections, drawn))
+    write_text(file, render(sections, [*drawn, *itertools.chain.from_iterable(lost)]))
     return file
+
+
+def lacking(found: AnyDiagnosis, rest: Unexplained, k: int) -> list[Picture]:
+    """The function of one signal that would explain what is left, where there is one."""
+    lost = next(
+        (m for g, m in found.missing.items() if m and rest.block in found.findings[g].model.group.components),
+        None,
+    )
+    if lost is None or rest.missing is None or not rest.missing.points:
+        return []
+    (unit, _, _), (along, _, _), of = scales(found, lost)
+    x, y = np.array(rest.missing.points, dtype=np.float64).T
+    port = lost.ports[0].rpartition(" ")[0]
+    layers = [Layer("line", "piecewise linear, at quantiles of the data", "plain", x, y)]
+    return [
+        Picture(
+            f"rest-{k}-0",
+            f"What is missing at {port} against {of}",
+            axis(of, along),
+            [Panel(axis(f"missing at {port}", unit), layers)],
+            CAPTIONS["free_form"].partition(". ")[0].format(driver=of) + ".",
+        )
+    ]
 
 
 def chain(found: AnyDiagnosis, answer: Answer) -> list[Link]:

@@ -313,6 +313,8 @@ ANY_SYSTEM = [
     "part_1.u added at part_1.u (input) would tell 98 % of it",
     "part_1.y: the residual is far above the reading's noise, and what was measured does not tell it directly; a function "
     "of several signals added at part_1.u (input) or part_1.y (output) would tell 60 % of it",
+    "part_1.y: the residual is far above the reading's noise, and what was measured does not tell it directly; a function "
+    "of the speed of part_1.y (as friction is) added at part_1.u (input) would tell 97 % of it",
     "gains 47.7 in log-likelihood on the windows held out, 95 % interval -112.1 to 207.5",
     "differs from log to log so much that another may have none of it",
     "part_1.q: the unit 'L/min' is defined as 0.06 of the SI unit, but by its name it is 1.66667e-05: the FMU's definition "

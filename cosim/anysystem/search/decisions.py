@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.anysystem.actions import LEAST_DELAY, PARAMETER, Action, each, of_all
-from cosim.anysystem.missing import allowed, missing
+from cosim.anysystem.missing import allowed, missing, outdone
 from cosim.anysystem.search.finding import (
     Candidate,
     Finding,
@@ -420,14 +420,17 @@ class Decisions(Stage):
         return True
 
     def _nothing_tells(self, best: Candidate, wrong: Collection[str], left: Mapping[str, Explained]) -> bool:
-        """Whether neither inputs nor a function added at a port tell what causes leave.
+        """Whether neither inputs nor a function added at a port tell what causes leave, nor more in their place.
 
         Of something that the library lacks an offset or a limit often is a part: then they do.
         """
         if any(self.known.share_told(signal, left[signal]) for signal in wrong) or self.budget.over:
             return False
-        most = allowed(self.model.runs)
-        return missing(self.model, self.problem, best.fit.values, self.spreads, most) is None
+        group, values, most = (self.model, self.problem), best.fit.values, allowed(self.model.runs)
+        if missing(*group, values, self.spreads, most) is not None:
+            return False
+        null = self.known.null.fit.values
+        return not outdone(*group, values, null, self.spreads, allowed(self.model.runs))
 
     def _at_limits(self, candidate: Candidate) -> tuple[str, ...]:
         """Trusted parameters that an explanation puts at the limit of what is trusted."""

@@ -192,7 +192,7 @@ class MissingFunction(Model):
     """What a model of any FMUs lacks: a function that would explain it, and where it enters."""
 
     enters_at: list[str]  # several where the log cannot tell
-    depends_on: str | None  # a connector; none where it takes several
+    depends_on: str | None  # a connector, or "speed of" one, per s; none where it takes several
     share: float  # of the variance of what is left, that it explains on windows held out
     points: list[tuple[float, float]]  # (value of that signal, of the function), in the units of the log
 
