@@ -333,7 +333,10 @@ def guesses(found: Overview, machine: bool = False) -> dict[str, Guess]:
                 made["slew"] = _guess(
                     "slew", place.column, f"{place.why.split(';')[0]}, and a torque turns it"
                 )
-        for signal, column, why in by_cause([c for c in free if c.index not in taken], made):
+        left = [c for c in free if c.index not in taken]
+        if alone := pressure_alone(left, made):
+            made["p_a"] = _guess("p_a", *alone)
+        for signal, column, why in [] if alone else by_cause(left, made):
             made[signal] = _guess(signal, column, why)
             taken.add(column.index)
     else:
@@ -733,6 +736,16 @@ def by_cause(free: list[Column], made: dict[str, Guess]) -> list[tuple[str, Colu
     return told
 
 
+def pressure_alone(free: list[Column], made: dict[str, Guess]) -> tuple[Column, str] | None:
+    """The only pressure that was measured, where nothing shows a motion: what a valve or pump builds up in a volume."""
+    if "u" not in made or {"spool", "p_supply", "p_a", "p_b", "slew", *MOTIONS, *DRIVERS} & set(made):
+        return None
+    able = [c for c in free if _pressure(c) and not _demand(c)]
+    if len(able) != 1:
+        return None
+    return able[0], f"its name ({_called(able[0])}), and no column shows a motion"
+
+
 def _same(one: Column, other: Column) -> bool:
     """Whether a column is another once more, in another unit or of another level: what was measured never is."""
     return abs(_correlation(one.values, other.values)) > 1.0 - 1e-9
@@ -1097,6 +1110,12 @@ def machine_lines(found: Overview, made: dict[str, Guess]) -> list[str]:
     driver = next((signal for signal in DRIVERS if signal in made), None)
     before = ["mechanical"] if driver else ["dead_zone", "dcv", "continuity", "mechanical"]
     place = "u" in made and made["u"].place
+    if motion not in made and driver is None and {"u", "p_a"} <= made.keys() and "p_b" not in made:
+        return [
+            "[machine]    # of its own, that builds up a pressure and moves nothing: docs/machines.md",
+            'chain = ["dead_zone", "dcv", "continuity"]    # the log tells its gain and its lag',
+            'output = "p_a"',
+        ]
     blocks = [*before, *([] if motion in AT_ONCE or place else ["sensor"])]
     linear = motion == "travel" or (motion == "speed" and _convertible(made[motion].unit, "m/s"))
     example = "0.1 m/s" if linear else "40 l/min" if motion == "flow" else "48 deg/s"
