@@ -767,18 +767,22 @@ def demanded(free: list[Column], made: dict[str, Guess]) -> Guess | None:
 def demands(column: Column, motion: Column) -> bool:
     """Whether a column is the place that a drive is to hold: called as its motion is but for a word, and followed by it.
 
-    ``target position`` goes with ``position`` and with ``actual position``.
+    ``target position`` goes with ``position`` and with ``actual position``, and ``target_rad`` with what is in rad, too.
     """
-    asked = [w for w in _words(column) if re.search(rf"{_COMMAND}|{_REFERENCE}", w)]
-    named = sorted(w for w in _words(column) if w not in asked)
-    shown = sorted(w for w in _words(motion) if not re.search(_AS_MEASURED, w))
-    if not asked or named not in (shown, sorted(_words(motion))) or column.constant:
+    words, moves = ([w for w in _words(c) if w != plain(c.unit or "")] for c in (column, motion))
+    asked = [w for w in words if re.search(rf"{_COMMAND}|{_REFERENCE}", w)]
+    named = sorted(w for w in words if w not in asked)
+    shown = sorted(w for w in moves if not re.search(_AS_MEASURED, w))
+    alone = not named and column.unit is not None and motion.unit is not None
+    alone = alone and _convertible(column.unit or "", motion.unit or "")
+    if not asked or not (alone or named in (shown, sorted(moves))) or column.constant:
         return False
     if column.values.size != motion.values.size or motion.missing > LACKING * motion.values.size:
         return False
     both = np.isfinite(column.values) & np.isfinite(motion.values)
     one, other = (replace(c, values=c.values[both]) for c in (column, motion))
-    return following(one, other, rate=False) > FOLLOWS
+    # its unit says that it is a place: it needs to be of this axis only, which may be too slow to follow it closely
+    return following(one, other, rate=False) > (LED if alone else FOLLOWS)
 
 
 def driven_by(free: list[Column], made: dict[str, Guess]) -> tuple[str, Column, str] | None:
