@@ -268,7 +268,9 @@ def _convertible(unit: str, target: str | None, prefix: str = "", remedy: str = 
 
 
 # what to write where the command is a place
-OF_A_PLACE = """; of a demanded place, write unit = "1" and say in [machine] what place a reading of 1 is (speed = "1 rad")"""
+OF_A_PLACE = (
+    """; of a demanded place, write unit = "1" and say in [machine] what place a 1 is (speed = "1 rad")"""
+)
 
 
 def raw_reading(target: str | None) -> str:

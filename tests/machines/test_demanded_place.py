@@ -329,5 +329,5 @@ def test_a_demanded_place_in_its_own_unit_is_answered_with_what_to_write(tmp_pat
     mapping = tmp_path / "servo.toml"
     text = PLAIN.replace('column = "u", unit = "1"', 'column = "u", unit = "rad"').replace(', "sensor"', "")
     mapping.write_text(text + 'command = "place"\n', encoding="utf-8")
-    with pytest.raises(DataError, match=r'of a demanded place, write unit = "1" .* \(speed = "1 rad"\)'):
+    with pytest.raises(DataError, match=r'of a demanded place, write unit = "1" .* 1 is \(speed = "1 rad"\)'):
         load_mapping(mapping)
