@@ -4,7 +4,7 @@ A guess is a line for a person to check: it is written into a mapping with its r
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -720,7 +720,7 @@ def by_cause(free: list[Column], made: dict[str, Guess]) -> list[tuple[str, Colu
         if moving:
             _, _, column, rate = max(moving, key=lambda item: item[:2])
             rate = rate and not (column.unit is None and _returns(command, column))
-            also = sorted({item[2].index for item in moving if item[2] is not column})
+            also = sorted({item[2].index for item in moving if not _equal(item[2], column)})
             signal = "slew" if rate else "speed"
             if column.unit is not None and rate and _convertible(column.unit, "m"):
                 signal = "travel"
@@ -734,6 +734,26 @@ def by_cause(free: list[Column], made: dict[str, Guess]) -> list[tuple[str, Colu
                 )
             told.append((signal, column, f"{why}, as {'an angle' if rate else 'a speed'} does{others}"))
     return told
+
+
+def _equal(one: Column, other: Column) -> bool:
+    """Whether two columns hold the same readings."""
+    return np.array_equal(one.values, other.values, equal_nan=True)
+
+
+def once_more(found: Overview, used: Collection[int]) -> list[Column]:
+    """Columns that hold the readings of another once more, as in a file of signals and of the object made of them.
+
+    Args:
+        found: the file.
+        used: indices of the columns that stand for something: these are no copies.
+    """
+    kept = [c for c in found.columns if c.index in used]
+    copies: list[Column] = []
+    for column in (c for c in found.columns if c.index not in used and not c.constant):
+        same = any(_equal(column, other) for other in kept)
+        (copies if same else kept).append(column)
+    return copies
 
 
 def pressure_alone(free: list[Column], made: dict[str, Guess]) -> tuple[Column, str] | None:
@@ -1043,7 +1063,8 @@ def mapping_text(found: Overview, made: dict[str, Guess], model: str | None) -> 
     second = second_record(found, made, stamps)
     lines += second_lines(found, second)
     used = used_by(made) | found.times | {column.index for column in second.values()}
-    rest = [c for c in found.columns if c.index not in used]
+    copies = once_more(found, used)
+    rest = [c for c in found.columns if c.index not in used | {copy.index for copy in copies}]
     shown = any(signal in made for signal in MOTIONS)
     missing = [
         n for n in NAMES if n not in made and not n.endswith("estimate") and not (n == "slew" and shown)
@@ -1067,6 +1088,8 @@ def mapping_text(found: Overview, made: dict[str, Guess], model: str | None) -> 
             f"# column = {column_of(found, column)}",
             f"# unit = {_quoted(column.unit or '1')}    # {_range(column)}",
         ]
+    if copies:
+        lines += ["", f"# the same readings once more: {', '.join(c.label.text for c in copies)}"]
     return "\n".join(lines) + "\n"
 
 
