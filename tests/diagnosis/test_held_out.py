@@ -143,7 +143,7 @@ def test_what_the_fitted_log_asks_for_needs_less_than_an_exchange() -> None:
 def test_a_tenth_of_the_error_is_what_decides_however_gains_are_measured(
     ratio: float, as_good: bool, placed: bool
 ) -> None:
-    """A wheel: dry friction, 1.23 rad/s, gave way to a dead zone, 1.39. By parts a gain is half as large, so a fifth counted."""
+    """A wheel: dry friction, 1.23 rad/s, gave way to a dead zone, 1.39: by parts a gain is half as large."""
     squares = np.linspace(0.5, 1.5, 8)
     friction = Step((COULOMB,), FIT, 1.0, 1.0, squares=squares, placed=placed)
     other = Step((DEAD_ZONE,), FIT, 1.0, ratio, squares=ratio**2 * squares, placed=placed)
