@@ -96,6 +96,7 @@ def _of_signals(model: str | None, log: Path) -> tuple[str, list[str], list[str]
         guesses,
         mapping_text,
         of_other_axis,
+        once_more,
         second_record,
         texts_of,
         used_by,
@@ -115,7 +116,11 @@ def _of_signals(model: str | None, log: Path) -> tuple[str, list[str], list[str]
     second = second_record(found, made, clock_column(found, made))
     told += [f"{column.label.text} -> {name} of a record held out" for name, column in second.items()]
     used = used_by(made) | found.times | {column.index for column in second.values()}
+    copies = once_more(found, used)
+    used |= {column.index for column in copies}
     left = [f"column '{c.label.shown}'" for c in found.columns if c.index not in used]
+    if copies:
+        left.append(f"the same readings once more ({', '.join(c.label.text for c in copies)})")
     needed = _lacking(made, texts_of(model))
     if found.clock is None and found.interval is None:
         left.insert(0, "no column looks like a time")

@@ -4,7 +4,7 @@ A guess is a line for a person to check: it is written into a mapping with its r
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -333,7 +333,10 @@ def guesses(found: Overview, machine: bool = False) -> dict[str, Guess]:
                 made["slew"] = _guess(
                     "slew", place.column, f"{place.why.split(';')[0]}, and a torque turns it"
                 )
-        for signal, column, why in by_cause([c for c in free if c.index not in taken], made):
+        left = [c for c in free if c.index not in taken]
+        if alone := pressure_alone(left, made):
+            made["p_a"] = _guess("p_a", *alone)
+        for signal, column, why in [] if alone else by_cause(left, made):
             made[signal] = _guess(signal, column, why)
             taken.add(column.index)
     else:
@@ -717,7 +720,7 @@ def by_cause(free: list[Column], made: dict[str, Guess]) -> list[tuple[str, Colu
         if moving:
             _, _, column, rate = max(moving, key=lambda item: item[:2])
             rate = rate and not (column.unit is None and _returns(command, column))
-            also = sorted({item[2].index for item in moving if item[2] is not column})
+            also = sorted({item[2].index for item in moving if not _equal(item[2], column)})
             signal = "slew" if rate else "speed"
             if column.unit is not None and rate and _convertible(column.unit, "m"):
                 signal = "travel"
@@ -731,6 +734,36 @@ def by_cause(free: list[Column], made: dict[str, Guess]) -> list[tuple[str, Colu
                 )
             told.append((signal, column, f"{why}, as {'an angle' if rate else 'a speed'} does{others}"))
     return told
+
+
+def _equal(one: Column, other: Column) -> bool:
+    """Whether two columns hold the same readings."""
+    return np.array_equal(one.values, other.values, equal_nan=True)
+
+
+def once_more(found: Overview, used: Collection[int]) -> list[Column]:
+    """Columns that hold the readings of another once more, as in a file of signals and of the object made of them.
+
+    Args:
+        found: the file.
+        used: indices of the columns that stand for something: these are no copies.
+    """
+    kept = [c for c in found.columns if c.index in used]
+    copies: list[Column] = []
+    for column in (c for c in found.columns if c.index not in used and not c.constant):
+        same = any(_equal(column, other) for other in kept)
+        (copies if same else kept).append(column)
+    return copies
+
+
+def pressure_alone(free: list[Column], made: dict[str, Guess]) -> tuple[Column, str] | None:
+    """The only pressure that was measured, where nothing shows a motion: what a valve or pump builds up in a volume."""
+    if "u" not in made or {"spool", "p_supply", "p_a", "p_b", "slew", *MOTIONS, *DRIVERS} & set(made):
+        return None
+    able = [c for c in free if _pressure(c) and not _demand(c)]
+    if len(able) != 1:
+        return None
+    return able[0], f"its name ({_called(able[0])}), and no column shows a motion"
 
 
 def _same(one: Column, other: Column) -> bool:
@@ -754,18 +787,22 @@ def demanded(free: list[Column], made: dict[str, Guess]) -> Guess | None:
 def demands(column: Column, motion: Column) -> bool:
     """Whether a column is the place that a drive is to hold: called as its motion is but for a word, and followed by it.
 
-    ``target position`` goes with ``position`` and with ``actual position``.
+    ``target position`` goes with ``position`` and with ``actual position``, and ``target_rad`` with what is in rad, too.
     """
-    asked = [w for w in _words(column) if re.search(rf"{_COMMAND}|{_REFERENCE}", w)]
-    named = sorted(w for w in _words(column) if w not in asked)
-    shown = sorted(w for w in _words(motion) if not re.search(_AS_MEASURED, w))
-    if not asked or named not in (shown, sorted(_words(motion))) or column.constant:
+    words, moves = ([w for w in _words(c) if w != plain(c.unit or "")] for c in (column, motion))
+    asked = [w for w in words if re.search(rf"{_COMMAND}|{_REFERENCE}", w)]
+    named = sorted(w for w in words if w not in asked)
+    shown = sorted(w for w in moves if not re.search(_AS_MEASURED, w))
+    alone = not named and column.unit is not None and motion.unit is not None
+    alone = alone and _convertible(column.unit or "", motion.unit or "")
+    if not asked or not (alone or named in (shown, sorted(moves))) or column.constant:
         return False
     if column.values.size != motion.values.size or motion.missing > LACKING * motion.values.size:
         return False
     both = np.isfinite(column.values) & np.isfinite(motion.values)
     one, other = (replace(c, values=c.values[both]) for c in (column, motion))
-    return following(one, other, rate=False) > FOLLOWS
+    # its unit says that it is a place: it needs to be of this axis only, which may be too slow to follow it closely
+    return following(one, other, rate=False) > (LED if alone else FOLLOWS)
 
 
 def driven_by(free: list[Column], made: dict[str, Guess]) -> tuple[str, Column, str] | None:
@@ -1026,7 +1063,8 @@ def mapping_text(found: Overview, made: dict[str, Guess], model: str | None) -> 
     second = second_record(found, made, stamps)
     lines += second_lines(found, second)
     used = used_by(made) | found.times | {column.index for column in second.values()}
-    rest = [c for c in found.columns if c.index not in used]
+    copies = once_more(found, used)
+    rest = [c for c in found.columns if c.index not in used | {copy.index for copy in copies}]
     shown = any(signal in made for signal in MOTIONS)
     missing = [
         n for n in NAMES if n not in made and not n.endswith("estimate") and not (n == "slew" and shown)
@@ -1050,6 +1088,8 @@ def mapping_text(found: Overview, made: dict[str, Guess], model: str | None) -> 
             f"# column = {column_of(found, column)}",
             f"# unit = {_quoted(column.unit or '1')}    # {_range(column)}",
         ]
+    if copies:
+        lines += ["", f"# the same readings once more: {', '.join(c.label.text for c in copies)}"]
     return "\n".join(lines) + "\n"
 
 
@@ -1097,6 +1137,12 @@ def machine_lines(found: Overview, made: dict[str, Guess]) -> list[str]:
     driver = next((signal for signal in DRIVERS if signal in made), None)
     before = ["mechanical"] if driver else ["dead_zone", "dcv", "continuity", "mechanical"]
     place = "u" in made and made["u"].place
+    if motion not in made and driver is None and {"u", "p_a"} <= made.keys() and "p_b" not in made:
+        return [
+            "[machine]    # of its own, that builds up a pressure and moves nothing: docs/machines.md",
+            'chain = ["dead_zone", "dcv", "continuity"]    # the log tells its gain and its lag',
+            'output = "p_a"',
+        ]
     blocks = [*before, *([] if motion in AT_ONCE or place else ["sensor"])]
     linear = motion == "travel" or (motion == "speed" and _convertible(made[motion].unit, "m/s"))
     example = "0.1 m/s" if linear else "40 l/min" if motion == "flow" else "48 deg/s"

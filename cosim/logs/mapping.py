@@ -212,7 +212,11 @@ class Mapping(_Strict):
             raise ValueError("give either a model or a table [machine], which makes one")
         for name, column in self.signals.items():
             if name in SIGNALS and column.unit is not None and not self.of_others:
-                _convertible(column.unit, SIGNALS[name].si, f"signal '{name}': ")
+                target = SIGNALS[name].si
+                own = name == "u" and self.machine.get("command") == "place"
+                _convertible(
+                    column.unit, target, f"signal '{name}': ", OF_A_PLACE if own else raw_reading(target)
+                )
         return self
 
     @model_validator(mode="after")
@@ -254,13 +258,19 @@ class Mapping(_Strict):
         )  # ".." behind a link leads elsewhere
 
 
-def _convertible(unit: str, target: str | None, prefix: str = "") -> None:
+def _convertible(unit: str, target: str | None, prefix: str = "", remedy: str = "") -> None:
     try:
         check_spelling(unit)
         if target is not None:
             conversion(unit, target)
     except UsageError as error:
-        raise ValueError(f"{prefix}{error}{raw_reading(target)}") from None
+        raise ValueError(f"{prefix}{error}{remedy}") from None
+
+
+# what to write where the command is a place
+OF_A_PLACE = (
+    """; of a demanded place, write unit = "1" and say in [machine] what place a 1 is (speed = "1 rad")"""
+)
 
 
 def raw_reading(target: str | None) -> str:

@@ -17,7 +17,15 @@ from cosim.lexicon import ELECTRIC_DRIVER
 from cosim.logs import Log, Mapping, listed
 from cosim.machines.flow import set_by_flow
 from cosim.machines.scale import Sizes, scales
-from cosim.machines.table import SCALE_FREE, UNKNOWN, MachineTable, block_of, machine_table, without_unit
+from cosim.machines.table import (
+    FULL_COMMAND,
+    SCALE_FREE,
+    UNKNOWN,
+    MachineTable,
+    block_of,
+    machine_table,
+    without_unit,
+)
 from cosim.machines.values import LINEAR, Numbers, inner_signals, numbers
 from cosim.machines.wiring import entry, files, outlet, wires, write_files
 from cosim.paths import build_folder
@@ -379,6 +387,8 @@ def scale_free(machine: MachineTable, inner: dict[str, str], values: Values[str,
     """Units of torque, inertia and friction, spool and pressure where only their ratio to full command's can be known."""
     gains = {"dcv.K", "continuity.K_c", "mechanical.A", "mechanical.r", "mechanical.J", "mechanical.b"}
     commanded = "mechanical" in machine.chain and machine.chain[0] != "mechanical"
+    if "continuity" in inner and "dcv" in machine.chain and "dcv" not in inner:
+        return of_spool_alone(machine, values)
     if not commanded or {"dcv", "continuity"} & set(inner) or gains & set(machine.parameters):
         return {}
     length = machine.units.get("rad", "rad")
@@ -394,6 +404,14 @@ def parts_of_full(machine: MachineTable, values: Values[str, float]) -> dict[str
         if "continuity" in machine.chain:
             found["Pa"] = f"{1.0 / (spool * values['continuity.K_c']):.6g} full command"
     return found
+
+
+def of_spool_alone(machine: MachineTable, values: Values[str, float]) -> dict[str, str]:
+    """Units of a spool that nobody has measured in front of a pressure that was: nothing tells its millimetres."""
+    if {"dcv.K", "continuity.K_c"} & set(machine.parameters):
+        return {}
+    spool = {si: text for si, text in parts_of_full(machine, values).items() if si != "Pa"}
+    return spool | {"Pa/m": f"{values['dcv.K'] / BAR:.6g} bar/{FULL_COMMAND}"}
 
 
 def not_here(machine: MachineTable, inner: dict[str, str]) -> list[str]:

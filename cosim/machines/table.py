@@ -129,7 +129,9 @@ class MachineTable(BaseModel):
         self.motion_quantity("lag", "s")
         if (self.speed is not None or self.lag is not None) and not self.moves:
             raise ValueError(
-                "speed and lag are those of a motion: the chain has neither mechanical nor simplified"
+                "speed and lag are those of a motion: the chain has neither mechanical nor simplified; of a chain that ends "
+                "with a pressure, leave them out: the log tells its gain and its lag, unless 'parameters' states them "
+                "('continuity.K_c', 'continuity.T')"
             )
         return self
 

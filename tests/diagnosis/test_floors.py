@@ -10,7 +10,7 @@ from cosim.compare.metrics import noise_floor, resolution
 from cosim.diagnosis import found as module
 from cosim.diagnosis.held_out.gain import Gain
 from cosim.diagnosis.model.options import Options
-from cosim.diagnosis.record.record import Record, joined
+from cosim.diagnosis.record.record import Record, as_read, joined
 from cosim.diagnosis.record.signatures import coarse_steps
 from cosim.diagnosis.verdict.verdict import floor_of
 
@@ -94,3 +94,21 @@ def test_logs_that_were_zeroed_each_by_itself_have_the_steps_of_their_converter(
     assert coarse_steps({"travel": both}, cuts) == pytest.approx({"travel": step}, rel=1e-3)
     record = joined([Record(1e-3, {"travel": y}) for y in (first, second)])
     assert record.rounding("travel") == pytest.approx(step / np.sqrt(12.0))
+
+
+def test_what_stands_between_readings_that_are_refreshed_rarely_is_no_reading() -> None:
+    """A pressure in steps of 0.01 bar, refreshed every 16 samples: "the sensor's noise is 0.00025 bar"."""
+    step, every = 0.01, 16
+    stamps = np.arange(0, 8000, every)
+    read = step * np.round((30.0 + 10.0 * np.sin(stamps / 900.0)) / step)
+    filled = np.ones(8000, dtype=bool)
+    filled[stamps] = False
+    values = np.interp(np.arange(8000), stamps, read)
+    assert resolution(values) < 0.5 * step
+    record = Record(1e-2, {"p_a": values}, filled={"p_a": filled})
+    assert record.rounding("p_a") == pytest.approx(step / np.sqrt(12.0), rel=1e-3)
+    both = joined([record, record])
+    assert both.rounding("p_a") == pytest.approx(step / np.sqrt(12.0), rel=1e-3)
+    alone, cuts = as_read(both.signals["p_a"], both.filled["p_a"], both.cuts)
+    assert alone == pytest.approx(np.concatenate([read, read]))
+    assert cuts == (stamps.size,)

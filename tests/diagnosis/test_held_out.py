@@ -138,6 +138,19 @@ def test_what_the_fitted_log_asks_for_needs_less_than_an_exchange() -> None:
     assert not both.gain_over(one).sure
 
 
+@pytest.mark.parametrize(("ratio", "as_good"), [(1.08, True), (1.12, False)])
+@pytest.mark.parametrize("placed", [True, False])
+def test_a_tenth_of_the_error_is_what_decides_however_gains_are_measured(
+    ratio: float, as_good: bool, placed: bool
+) -> None:
+    """A wheel: dry friction, 1.23 rad/s, gave way to a dead zone, 1.39: by parts a gain is half as large."""
+    squares = np.linspace(0.5, 1.5, 8)
+    friction = Step((COULOMB,), FIT, 1.0, 1.0, squares=squares, placed=placed)
+    other = Step((DEAD_ZONE,), FIT, 1.0, ratio, squares=ratio**2 * squares, placed=placed)
+    assert other.about_as_good(friction) is as_good
+    assert friction.about_as_good(other)
+
+
 def test_a_cause_does_not_go_where_a_simpler_one_in_its_place_is_about_as_good() -> None:
     """Coulomb friction is hardly worse than Stribeck friction, none hardly worse than Coulomb, but clearly than Stribeck."""
     rng = np.random.default_rng(3)

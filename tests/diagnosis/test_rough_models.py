@@ -89,6 +89,7 @@ def left_over(speed: np.ndarray, left: np.ndarray) -> SimpleNamespace:
         measured={"speed": speed},
         model=SimpleNamespace(h=H, cuts=(), group=SimpleNamespace(reading="slew")),
         steps={},
+        lost={},
     )
     fit = SimpleNamespace(residuals={"speed": left})
     return SimpleNamespace(task=task, chosen=SimpleNamespace(fit=fit), signatures=[])
@@ -101,6 +102,22 @@ def test_readings_in_steps_have_noise_where_machine_and_model_stand(monkeypatch:
     speed[: COUNT // 2] = 0.0
     left = np.where(speed > 0.0, 3.0 * np.sin(0.01 * np.arange(speed.size)), 0.0)
     assert verdict.floor_of(left_over(speed, left), "speed") == pytest.approx(1.0 / np.sqrt(12.0))
+
+
+def test_readings_refreshed_rarely_have_the_noise_of_what_was_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A pressure refreshed every 16 samples: on the lines in between it had a fiftieth of its noise."""
+    monkeypatch.setattr(verdict, "adequate", lambda finding: False)
+    stamps, samples = np.arange(0, 32000, 16), np.arange(32000)
+    read = np.round(
+        40.0 * np.sin(stamps / 2000.0) + np.random.default_rng(4).normal(0.0, 0.2, stamps.size), 2
+    )
+    filled = np.ones(samples.size, dtype=bool)
+    filled[stamps] = False
+    speed = np.interp(samples, stamps, read)
+    finding = left_over(speed, speed - 40.0 * np.sin(samples / 2000.0))
+    assert verdict.floor_of(finding, "speed") < 0.1, "of what stands between the readings"
+    finding.task.lost["speed"] = filled
+    assert verdict.floor_of(finding, "speed") == pytest.approx(0.2, rel=0.15)
 
 
 def test_the_linear_reference_stands_beside_the_answer(arm: tuple[Log, Diagnosis]) -> None:

@@ -8,6 +8,7 @@ import pytest
 from log_files import TOP
 from scipy.io import savemat
 
+from cosim.api.matching import write_mapping
 from cosim.errors import ColumnsError
 from cosim.logs import load_log, load_mapping
 from cosim.logs.clocks import counted, plain
@@ -995,3 +996,20 @@ def test_a_command_once_more_is_no_motion(write):
     table = np.column_stack([time, command, 1.5 * command, np.sin(1.7 * time) ** 2])
     made = guesses(overview(write(f"t,u1,u2,z1\n{rows(table)}")), machine=True)
     assert "u2" not in {g.column.label.name for g in made.values()} - {made["u"].column.label.name}
+
+
+def test_columns_that_hold_the_same_once_more_are_no_further_candidates(tmp_path):
+    """A .mat of signals and of the object made of them: "as 1 more does", and `[signals.i]` twice in the mapping."""
+    time = 0.02 * np.arange(1000)
+    u = np.repeat(np.random.default_rng(2).uniform(0.2, 1.0, 20), 50)
+    speed = 90.0 * u + np.random.default_rng(3).normal(0.0, 0.1, time.size)
+    current = np.gradient(speed)
+    file = tmp_path / "motor.csv"
+    rows = np.column_stack([time, u, speed, current, u, speed, current])
+    np.savetxt(file, rows, delimiter=",", comments="", fmt="%.6g", header="t [s],u,y,i,data.u,data.y,data.i")
+    matched = write_mapping(file, machine=True)
+    text = matched.file.read_text(encoding="utf-8")
+    assert "more do" not in text
+    assert text.count("# [signals.i]") == 1
+    assert "# the same readings once more: data.u, data.y, data.i" in text
+    assert matched.left == ["column 'i'", "the same readings once more (data.u, data.y, data.i)"]

@@ -308,3 +308,26 @@ def test_a_place_ends_at_the_mechanics_and_is_no_flow(tmp_path, wrong):
     mapping.write_text("\n".join(lines), encoding="utf-8")
     with pytest.raises(DataError, match='command = "place" is for a chain'):
         machine_of(None, load_log(file, mapping), mapping)
+
+
+def test_a_target_in_the_unit_of_the_place_needs_no_other_word_and_need_not_be_reached(tmp_path):
+    """A servo too slow for its demand: "Missing: a column for u", or its `target_rad` was taken for a speed's command."""
+    t = 0.02 * np.arange(400)
+    target = 0.5 * np.sign(np.sin(2.0 * np.pi * (0.2 + 0.15 * t) * t))
+    place = np.zeros(t.size)
+    for k in range(1, t.size):
+        place[k] = place[k - 1] + np.clip(target[k - 1] - place[k - 1], -0.02, 0.02)
+    file = tmp_path / "slow.csv"
+    rows = np.column_stack([t, target, place])
+    np.savetxt(file, rows, delimiter=",", comments="", fmt="%.6g", header="time_s,target_rad,angle_rad")
+    found = guesses(overview(file), machine=True)
+    assert found["u"].place
+    assert 'speed = "0.5 rad"' in mapping_text(overview(file), found, None)
+
+
+def test_a_demanded_place_in_its_own_unit_is_answered_with_what_to_write(tmp_path):
+    mapping = tmp_path / "servo.toml"
+    text = PLAIN.replace('column = "u", unit = "1"', 'column = "u", unit = "rad"').replace(', "sensor"', "")
+    mapping.write_text(text + 'command = "place"\n', encoding="utf-8")
+    with pytest.raises(DataError, match=r'of a demanded place, write unit = "1" .* 1 is \(speed = "1 rad"\)'):
+        load_mapping(mapping)

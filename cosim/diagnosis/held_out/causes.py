@@ -46,7 +46,7 @@ from cosim.diagnosis.thresholds import (
     SURE_SIZE,
 )
 from cosim.inference.held_out import HeldOutGain, course_of, gain_of_errors, mean_squares, steps_without
-from cosim.inference.thresholds import FEWEST_PARTS, MOST_BLOCKS
+from cosim.inference.thresholds import FEWEST_PARTS
 from cosim.logs import Log
 from fmus.contract import Effect
 
@@ -171,8 +171,12 @@ class Step:
         return not (other.noticeably_better(self) and other.clearly_better(self))
 
     def noticeably_better(self, other: "Step") -> bool:
-        """True if held-out data are predicted better by more than nobody would mind, be it by chance."""
-        return self.gain_over(other).gain / min(self.squares.size, MOST_BLOCKS) >= np.log(AS_WELL)
+        """True if held-out data are predicted better by more than nobody would mind, be it by chance.
+
+        What nobody would mind is measured as the gain is: that of an error larger by so much in each part.
+        """
+        minded = gain_of_errors(self.squares, AS_WELL**2 * self.squares, self.placed)
+        return self.gain_over(other).gain >= minded.gain
 
     def gain_over(self, other: "Step") -> HeldOutGain:
         """What this set gains on held-out data over another."""

@@ -10,6 +10,7 @@ from cosim.compare.metrics import noise_floor, resolution, rms
 from cosim.diagnosis.fitting.fit import Unknown
 from cosim.diagnosis.fitting.noise import centred
 from cosim.diagnosis.fitting.trials import Trial, freed, trusted, without
+from cosim.diagnosis.record.record import as_read
 from cosim.diagnosis.record.signatures import SAMPLED
 from cosim.diagnosis.residuals.cross_validation import held_out_gain
 from cosim.diagnosis.residuals.finding import Finding, at_first, gained, systematic
@@ -430,10 +431,14 @@ def floor_of(finding: Finding, signal: str) -> float:
     parts = after_start(finding, signal)
     step = max(rounding(finding, signal), task.steps.get(signal, 0.0))
     if not adequate(finding):
-        measured, cuts = task.measured[signal], task.model.cuts
-        found = min(
-            noise_floor(measured, task.model.h, cuts), noise_floor(np.concatenate(parts), task.model.h)
+        lost = task.lost.get(signal)
+        measured, cuts = as_read(task.measured[signal], lost, task.model.cuts)
+        gone = (
+            [None] * len(parts) if lost is None else [own[rule.skip :] for own in np.split(lost, rule.cuts)]
         )
+        left = [as_read(own, filled)[0] for own, filled in zip(parts, gone, strict=True)]
+        interval = task.model.h * task.measured[signal].size / measured.size
+        found = min(noise_floor(measured, interval, cuts), noise_floor(np.concatenate(left), interval))
         return float(max(found, max(step, resolution(measured, cuts)) / np.sqrt(12.0)))
     rows = np.concatenate([own[: own.size // rule.bins * rule.bins].reshape(-1, rule.bins) for own in parts])
     between = np.mean((rows - rows.mean(axis=1, keepdims=True)) ** 2)
