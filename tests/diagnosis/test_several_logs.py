@@ -502,6 +502,20 @@ def test_what_ended_at_its_off_values_is_no_cause() -> None:
         assert least_sure(found, [STOP], model) == named  # type: ignore[arg-type]
 
 
+def test_a_limit_that_the_whole_log_meets_is_no_less_sure_for_windows_that_do_not() -> None:
+    """An excavator's arm: its end stop of -38 deg (-48 to -29) was taken back, and a saturating sensor stood there."""
+    ends = {"mechanical.theta_max": 1e9, "mechanical.theta_min": -1e9}
+    model = SimpleNamespace(nominal=ends.__getitem__, group=GROUP)
+    found = SimpleNamespace(
+        values=ends | {"mechanical.theta_max": -0.67},
+        deviations={"mechanical.theta_max": 0.05, "mechanical.theta_min": 0.1},
+        correlations={},
+        # the other end, out of reach in both, is where the windows' slopes say something by chance
+        findings=fitted(**{"mechanical.theta_max": 0.0, "mechanical.theta_min": 1e-3}),
+    )
+    assert least_sure(found, [STOP], model) == []  # type: ignore[arg-type]
+
+
 def test_where_the_size_of_a_law_is_unsure_one_that_it_holds_may_take_its_place(
     pair: list[Record], clean: list[Record]
 ) -> None:

@@ -559,7 +559,9 @@ def share_of_sure(found: Diagnosis, effect: Effect, model: GroupModel) -> float:
     """
     sizes = sizes_of(effect, model, found.values) if known_in(found, effect) else {}
     fit_ = found.findings[model.group.name].chosen.fit
-    names = [n for n in sizes if found.deviations.get(n, 0.0) > 0.0 and not idle(fit_, n)]
+    # a limit that windows do not meet the whole log may meet
+    met = {n for p, n in names_of(effect).items() if effect.free[p].limits and sizes.get(n)}
+    names = [n for n in sizes if found.deviations.get(n, 0.0) > 0.0 and (n in met or not idle(fit_, n))]
     if not names:
         return np.inf
     pairs = found.correlations
