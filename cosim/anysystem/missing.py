@@ -3,8 +3,8 @@
 A free function of the signals at a component's ports is added at each port in turn, piecewise linear in each signal and of
 either direction of motion; at an input also one of how fast each output changes, which friction is. What such an addition
 does to the readings is the model's own response to each piece, superposed; the sizes are fitted on some windows of the log
-and measured on the others. At its own port a memoryless function tells most:
-at another it would have to undo what lies between.
+and measured on the others. At its own port a memoryless function tells most: at another it would have to undo what lies
+between.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,22 +22,12 @@ from cosim.ssp.system import Port
 from cosim.system.runs import Runs
 
 Array = NDArray[np.float64]
-KNOTS = (
-    0.02,
-    0.15,
-    0.35,
-    0.5,
-    0.65,
-    0.85,
-    0.98,
-)  # quantiles of a signal between which its function is straight
+# quantiles of a signal between which its function is straight
+KNOTS = (0.02, 0.15, 0.35, 0.5, 0.65, 0.85, 0.98)
 QUANTILES = np.linspace(0.02, 0.98, 13)  # at which it is shown
 PIECE_SIZE = 0.05  # of a port's reach: of a piece, for its response
 RIDGE = 1e-4  # of a piece's own power
-DIRECTIONS = (
-    3.0,
-    30.0,
-)  # over the usual speed: how sharply a function of the direction turns where the motion does
+DIRECTIONS = (3.0, 30.0)  # over the usual speed: how sharply a function of the direction turns with it
 SPEED_OF = "speed of "  # before the name of a signal: the function is of how fast it changes, per s
 TELLING = 0.3  # of the variance on windows held out: a function that tells less tells nothing
 ALONE = 0.95  # of what functions of all signals tell, from which one signal alone will do
@@ -217,9 +207,8 @@ def _signals(
                 for seg, part in zip(model.segments, series, strict=True)
             ]
             speeds = [_speed(part, segment.h) for part, segment in zip(parts, model.segments, strict=True)]
-            moves = (
-                side == "out" and where == "input"
-            )  # its direction is a function of its speed, which is told apart
+            moves = side == "out" and where == "input"
+            # its direction is a function of its speed, which is told apart
             found[full] = _Driver(parts, [] if moves else speeds)
             if moves:
                 found[SPEED_OF + full] = _Driver(speeds, speeds)
