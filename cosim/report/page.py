@@ -5,7 +5,7 @@ import inspect
 import json
 import platform
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -57,6 +57,7 @@ from cosim.diagnosis.thresholds import INDISTINGUISHABLE
 REPORT = "report.html"
 _CODE = re.compile(r"`([^`]+)`")
 PACKAGES = ("plotly", "jinja2", "pyarrow")
+MOST_LOGS = 3  # that the head names
 
 
 def need_extra() -> None:
@@ -172,6 +173,7 @@ def render(sections: dict[str, Any], drawn: list[Picture]) -> str:
     # said here, before the marks of code become elements
     environment.filters["coded"] = lambda text: Markup(_CODE.sub(r"<code>\1</code>", str(escape(said(text)))))
     environment.filters["four"] = lambda value: number(value)
+    environment.filters["two"] = two_digits
     # inside a script element only "<" can do harm
     return environment.get_template("page.html.j2").render(
         sections,
@@ -185,6 +187,12 @@ def render(sections: dict[str, Any], drawn: list[Picture]) -> str:
 def names_of(signals: Iterable[str], kept: set[str]) -> str:
     """The names that people know of those signals that are kept."""
     return ", ".join(said(signal_name(signal)) for signal in dict.fromkeys(signals) if signal in kept)
+
+
+def logs_of(made: Mapping[str, str]) -> str:
+    """The logs that were fitted, the first of many."""
+    names = [text for name, text in made.items() if re.fullmatch(r"log(_\d+)?", name)] or ["a log"]
+    return ", ".join(names[:MOST_LOGS] + ["…"] * (len(names) > MOST_LOGS))
 
 
 def contents(material: Material, shown: Any) -> dict[str, Any]:
@@ -217,7 +225,7 @@ def contents(material: Material, shown: Any) -> dict[str, Any]:
             line for text in answer.helpful_signals if (line := text if tracked else without_tracker(text))
         ],
         "clean": overview.nothing_to_extend(answer),
-        "log_name": answer.made.get("log") or "a log",
+        "log_name": logs_of(answer.made),
         "told": three_sentences(material),
         "advice": advice(answer),
         "chain": chain(material),

@@ -12,7 +12,7 @@ from cosim.cli import main
 from cosim.errors import DataError, MissingExtraError, UsageError
 from cosim.report import overview
 from cosim.report.folder import keep, load
-from cosim.report.page import page, write_report
+from cosim.report.page import logs_of, page, write_report
 
 LARGEST = 8e6  # bytes, of a report of 60 s at 1 kHz
 
@@ -33,6 +33,13 @@ def run(*words):
     with pytest.raises(SystemExit) as stop:
         main(["report", *map(str, words)])
     return stop.value.code
+
+
+def test_the_head_names_the_logs_that_were_fitted():
+    made = {"cosim": "1.0.0", "log": "out-50", "log_sha256": "0", "log_2": "out-70", "log_held_out": "out-90"}
+    assert logs_of(made) == "out-50, out-70"
+    assert logs_of(made | {"log_3": "in-50", "log_4": "in-70"}) == "out-50, out-70, in-50, …"
+    assert logs_of({"cosim": "1.0.0"}) == "a log"
 
 
 def test_the_report_says_what_was_found(diagnosed):
