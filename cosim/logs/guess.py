@@ -3,6 +3,7 @@
 A guess is a line for a person to check: it is written into a mapping with its reason, never used unseen.
 """
 
+import hashlib
 import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
@@ -748,12 +749,20 @@ def once_more(found: Overview, used: Collection[int]) -> list[Column]:
         found: the file.
         used: indices of the columns that stand for something: these are no copies.
     """
-    kept = [c for c in found.columns if c.index in used]
+    seen = {_readings(c) for c in found.columns if c.index in used}
     copies: list[Column] = []
-    for column in (c for c in found.columns if c.index not in used and not c.constant):
-        same = any(_equal(column, other) for other in kept)
-        (copies if same else kept).append(column)
+    for column in (c for c in found.columns if c.index not in used and c.finite.size and not c.constant):
+        readings = _readings(column)
+        if readings in seen:
+            copies.append(column)
+        seen.add(readings)
     return copies
+
+
+def _readings(column: Column) -> bytes:
+    """A digest of a column's readings: a file of hundreds of columns is not compared pair by pair."""
+    values = np.where(np.isnan(column.values), np.nan, column.values + 0.0)  # one NaN, and no negative zero
+    return hashlib.sha256(values.tobytes()).digest()
 
 
 def pressure_alone(free: list[Column], made: dict[str, Guess]) -> tuple[Column, str] | None:

@@ -12,7 +12,7 @@ from cosim.api.matching import write_mapping
 from cosim.errors import ColumnsError
 from cosim.logs import load_log, load_mapping
 from cosim.logs.clocks import counted, plain
-from cosim.logs.guess import NAMES, guesses, likely, mapping_text, of_other_axis
+from cosim.logs.guess import NAMES, guesses, likely, mapping_text, of_other_axis, once_more
 from cosim.logs.overview import overview, spelled
 from cosim.machines import made_for
 from cosim.rig import make_log
@@ -996,6 +996,14 @@ def test_a_command_once_more_is_no_motion(write):
     table = np.column_stack([time, command, 1.5 * command, np.sin(1.7 * time) ** 2])
     made = guesses(overview(write(f"t,u1,u2,z1\n{rows(table)}")), machine=True)
     assert "u2" not in {g.column.label.name for g in made.values()} - {made["u"].column.label.name}
+
+
+def test_columns_of_text_are_no_copies_of_each_other(write):
+    found = overview(
+        write("t,u,mode,state,again\n" + "".join(f"{0.1 * k},{k % 3},auto,run,{k % 3}\n" for k in range(40)))
+    )
+    used = {c.index for c in found.columns if c.label.short in ("t", "u")}
+    assert [c.label.short for c in once_more(found, used)] == ["again"]
 
 
 def test_columns_that_hold_the_same_once_more_are_no_further_candidates(tmp_path):
