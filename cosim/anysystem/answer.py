@@ -452,30 +452,27 @@ def driver(name: str) -> str:
 
 def shape(found: AnyDiagnosis, lost: Missing) -> MissingFunction:
     """The same for programs, in the units of the log."""
-    (_, factor, _), (_, scale, offset), of = scales(found, lost)
+    factor = unit_at(found, entry_of(lost.ports[0]))[1]
+    _, scale, offset = driver_unit(found, lost.by) if lost.by else ("", 1.0, 0.0)
     return MissingFunction(
         enters_at=list(lost.ports),
         depends_on=lost.by or None,
         share=lost.told,
-        points=[((x - offset) / scale, y / factor) for x, y in zip(lost.at, lost.of, strict=True)]
-        if of
-        else [],
+        points=[((x - offset) / scale, y / factor) for x, y in zip(lost.at, lost.of, strict=True)],
     )
 
 
-def scales(
-    found: AnyDiagnosis, lost: Missing
-) -> tuple[tuple[str, float, float], tuple[str, float, float], str]:
-    """Unit, factor and zero of the port where it enters, and of the one signal of which it is; and that signal, or none."""
-    port = Port(*lost.ports[0].rpartition(" ")[0].split(".", 1))
-    of = lost.by
-    if not of:
-        return unit_at(found, Action("port.gain", port, "input")), ("", 1.0, 0.0), ""
-    signal = Port(*of.removeprefix(SPEED_OF).split(".", 1))
-    unit, scale, offset = unit_at(found, Action("port.gain", signal, "input"))
-    if of.startswith(SPEED_OF):  # where a scale has its zero is nothing to a speed
-        unit, offset = f"{'1' if unit in ('', '1') else unit}/s", 0.0
-    return unit_at(found, Action("port.gain", port, "input")), (unit, scale, offset), of
+def entry_of(place: str) -> Action:
+    """What acts where something is missing, ``component.connector (input)``."""
+    return Action("port.gain", Port(*place.rpartition(" ")[0].split(".", 1)), "input")
+
+
+def driver_unit(found: AnyDiagnosis, by: str) -> tuple[str, float, float]:
+    """Unit, factor and zero of the signal of which a function is, as `unit_at` tells them."""
+    signal = Action("port.gain", Port(*by.removeprefix(SPEED_OF).split(".", 1)), "input")
+    unit, scale, offset = unit_at(found, signal)
+    # where a scale has its zero is nothing to a speed
+    return (f"{unit or '1'}/s", scale, 0.0) if by.startswith(SPEED_OF) else (unit, scale, offset)
 
 
 def calibrated(found: AnyDiagnosis) -> dict[str, Calibration]:

@@ -1,13 +1,12 @@
 """The report of a diagnosis of any system: one HTML file, in the look of the drive's."""
 
-import itertools
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cosim.anysystem.answer import column_scale, judged_signals, scales
+from cosim.anysystem.answer import column_scale, driver_unit, entry_of, judged_signals, unit_at
 from cosim.anysystem.model import place as placed
 from cosim.anysystem.pipeline import AnyDiagnosis
 from cosim.anysystem.search import errors, extended
@@ -113,28 +112,24 @@ def write_page(found: AnyDiagnosis, answer: Answer, folder: Path) -> Path | None
         "windows": int(np.unique(np.concatenate([s.windows[~s.fitted] for s in found.segments])).size),
     }
     file = folder / REPORT
-    write_text(file, render(sections, [*drawn, *itertools.chain.from_iterable(lost)]))
+    write_text(file, render(sections, [*drawn, *(p for own in lost for p in own)]))
     return file
 
 
 def lacking(found: AnyDiagnosis, rest: Unexplained, k: int) -> list[Picture]:
     """The function of one signal that would explain what is left, where there is one."""
-    lost = next(
-        (m for g, m in found.missing.items() if m and rest.block in found.findings[g].model.group.components),
-        None,
-    )
-    if lost is None or rest.missing is None or not rest.missing.points:
+    lost = rest.missing
+    if lost is None or lost.depends_on is None:
         return []
-    (unit, _, _), (along, _, _), of = scales(found, lost)
-    x, y = np.array(rest.missing.points, dtype=np.float64).T
-    port = lost.ports[0].rpartition(" ")[0]
+    x, y = np.array(lost.points, dtype=np.float64).T
+    entry, of = entry_of(lost.enters_at[0]), lost.depends_on
     layers = [Layer("line", "piecewise linear, at quantiles of the data", "plain", x, y)]
     return [
         Picture(
             f"rest-{k}-0",
-            f"What is missing at {port} against {of}",
-            axis(of, along),
-            [Panel(axis(f"missing at {port}", unit), layers)],
+            f"What is missing at {entry.port} against {of}",
+            axis(of, driver_unit(found, of)[0]),
+            [Panel(axis(f"missing at {entry.port}", unit_at(found, entry)[0]), layers)],
             CAPTIONS["free_form"].partition(". ")[0].format(driver=of) + ".",
         )
     ]

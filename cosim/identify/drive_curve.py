@@ -253,9 +253,8 @@ def next_log(told: Sequence[Estimate], scatter: float) -> Estimate:
         return _one_sided(one.value, one.deviation, float(student.ppf(0.975, PARTS - 1)) * spread)
     own = np.maximum(own, 1e-6 * max(float(own.max()), 1e-300))
     size, apart = float(np.abs(values).mean()), 0.0
-    for _ in range(
-        2
-    ):  # logs count by how well each knows the number, and by how the machine changes between them
+    # logs count by how well each knows the number, and by how the machine changes between them
+    for _ in range(2):
         weights = 1.0 / (own**2 + apart**2)
         mean, deviation = float(weights @ values / weights.sum()), float(weights.sum() ** -0.5)
         found = combined(mean, deviation, values, own, size, MAY_SCATTER * scatter)

@@ -178,9 +178,8 @@ def smaller_by(one: Array, other: Array, outside: float = OUTSIDE) -> tuple[floa
 
 def smaller_in_size(one: Array, other: Array, outside: float = OUTSIDE) -> tuple[float, tuple[float, float]]:
     """As `smaller_by`, by the logarithm of the ratio of the two RMSE: for the parts of one run whose place counts."""
-    ratio = float(np.sqrt(one.sum() / max(float(other.sum()), 1e-300)))
     low, high = ratio_interval(one, other, outside)
-    gain, least, most = (-float(np.log(max(r, 1e-300))) for r in (ratio, high, low))
+    gain, least, most = (-float(np.log(max(r, 1e-300))) for r in (ratio_of_sizes(one, other), high, low))
     return gain, (least, most)
 
 
@@ -206,6 +205,19 @@ def as_excited(richer: Array, poorer: Array, apart: Array, outside: float = OUTS
     gain, left = 0.5 * float(np.sum(poorer - richer)), max(float(np.sum(richer)), 1e-300)
     low, high = (0.5 * float(np.log(max(1.0 + 2.0 * g / left, 1e-300))) for g in (gain - reach, gain + reach))
     return low, high
+
+
+def size_of_gain(richer: Array, poorer: Array, placed: bool = False) -> float:
+    """What `gain_of_errors` tells, without its intervals: log-likelihood; the arguments are as there."""
+    parts = min(richer.size, MOST_BLOCKS)
+    if placed:
+        return -parts * float(np.log(max(ratio_of_sizes(richer, poorer), 1e-300)))
+    return parts * float(contrast(richer, poorer).mean())
+
+
+def ratio_of_sizes(one: Array, other: Array) -> float:
+    """Ratio of two RMSE, from mean squares (parts,)."""
+    return float(np.sqrt(one.sum() / max(float(other.sum()), 1e-300)))
 
 
 def gain_of_errors(

@@ -87,10 +87,9 @@ def unknown(table: MachineTable, inner: Mapping[str, str]) -> list[str]:
             # the gain of two blocks in one shows in one of them only
             if not own or component == "dcv":
                 listed.append(name)
+            # a pressure that was measured shows its lag as well as its gain
             if not own and component == "continuity":
-                listed.append(
-                    "continuity.T"
-                )  # a pressure that was measured shows its lag as well as its gain
+                listed.append("continuity.T")
     pair = (
         ("mechanical.J", "mechanical.b") if "mechanical" in table.chain else ("simplified.k", "simplified.a")
     )

@@ -111,15 +111,15 @@ def by_side(material: Material, sure: bool = False) -> list[tuple[str, str, str,
             # what is known better than a thousandth of what the curve spans is no news
             along = [point[0 if kind == "dead_zone" else 1] for point in curve.points]
             finest = FINEST * (max(along) - min(along)) * (0.0 if kind == "slope" else 1.0)
-            unit, scale = parts_of_full(item.unit) if kind == "dead_zone" else (item.unit, 1.0)
-            spread = scale * max(0.5 * (item.ci95[1] - item.ci95[0]), finest)
+            spread = max(0.5 * (item.ci95[1] - item.ci95[0]), finest)
             read = ""
             if item.reading is not None:
                 first, second = item.reading.ci95
-                known = scale * (item.ci95[1] - item.ci95[0])
+                known = item.ci95[1] - item.ci95[0]
                 wide = 0.5 * abs(second - first) * (2.0 * spread / known if known > 0.0 else 1.0)
                 ends = " to ".join(number(v, wide) for v in item.reading.ci95)
                 read = f"{item.reading.column}: {number(item.reading.value, wide)} ({ends})"
-            ends = " to ".join(number(scale * v, spread) for v in item.ci95)
-            found.append((words, where, number(scale * item.value, spread), ends, unit_text(unit), read))
+            unit, scale = parts_of_full(item.unit) if kind == "dead_zone" else (item.unit, 1.0)
+            value, low, high = (number(scale * v, scale * spread) for v in (item.value, *item.ci95))
+            found.append((words, where, value, f"{low} to {high}", unit_text(unit), read))
     return found

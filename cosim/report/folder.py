@@ -37,9 +37,7 @@ def keep(material: Material, folder: Path) -> None:
     import pyarrow as pa
 
     facts = {
-        "h": material.h,
-        "even": material.stamps is None,
-        "cuts": material.cuts,
+        **_clock(material),
         "tracker": {k: v.tolist() for k, v in material.tracker.items()},
         "parts": [_plain(part) for part in material.parts.values()],
     }
@@ -48,13 +46,8 @@ def keep(material: Material, folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         _write(table, folder / SERIES)
         if material.other is not None:
-            other = {
-                "h": material.other.h,
-                "even": material.other.stamps is None,
-                "cuts": material.other.cuts,
-            }
             series = pa.table(_columns(material.other))
-            series = series.replace_schema_metadata({_KEY: json.dumps(other).encode()})
+            series = series.replace_schema_metadata({_KEY: json.dumps(_clock(material.other)).encode()})
             _write(series, folder / HELD_OUT)
         else:
             (folder / HELD_OUT).unlink(missing_ok=True)
@@ -161,6 +154,11 @@ def _read(folder: Path, answer: Answer) -> Material:
             answer, float(facts["h"]), _series(table), {}, stamps=stamps, cuts=_cuts(facts)
         )
     return found
+
+
+def _clock(material: Material) -> dict[str, Any]:
+    """How the samples of a material lie in time, as facts of its table."""
+    return {"h": material.h, "even": material.stamps is None, "cuts": material.cuts}
 
 
 def _cuts(facts: dict[str, Any]) -> tuple[int, ...]:

@@ -1,5 +1,6 @@
 """Which causes held-out data keep: those whose absence makes the prediction worse, even where they help together only."""
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 
@@ -36,6 +37,7 @@ from cosim.diagnosis.model.machine import our_machine
 from cosim.diagnosis.pipeline.diagnose import diagnose, prepare
 from cosim.diagnosis.record.record import Record
 from cosim.diagnosis.verdict.verdict import causes
+from cosim.inference.held_out import HeldOutGain
 from cosim.report.language import reported_in, said
 from cosim.rig import make_log
 from cosim.rig.write import as_log
@@ -229,6 +231,19 @@ def test_where_the_log_does_not_tell_the_size_of_a_cause_it_may_tell_that_of_a_r
     assert ({DEAD_ZONE.name, BACKLASH.name} in tried) == bool(expected), "no fit where nothing hangs on it"
 
 
+def without_stribeck(
+    monkeypatch: pytest.MonkeyPatch, step: Callable[..., Step], sets: Iterable[tuple[Effect, ...]]
+) -> tuple[dict[Effect, HeldOutGain], dict[Effect, list[Effect]]]:
+    """The next best of sets that `step` has judged, Stribeck friction taken back."""
+    task = SimpleNamespace(measured={"slew": None}, model=MECHANICS.task.model)
+    finding = FakeFinding(task, SimpleNamespace(effects=(STRIBECK,)), {})
+    monkeypatch.setattr(held_out, "stepper", lambda *_: step)
+    monkeypatch.setattr(held_out, "compared", lambda *_: "slew")
+    held = Held(SimpleNamespace(signals={"slew": None}), 0)  # type: ignore[arg-type]
+    done = {key_of(effects): step(effects) for effects in sets}
+    return next_best(finding, held, {STRIBECK.name}, 0.01, done)  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize(
     ("others", "named"),
     [(2.0, DEAD_ZONE.name), (10.0, ""), (None, "")],
@@ -250,13 +265,7 @@ def test_without_a_cause_whose_size_nobody_knows_what_else_the_held_out_data_bea
         vary = np.random.default_rng(len(effects)).normal(1.0, 0.1, 24)
         return Step(effects, FIT, 1.0, errors[effects], doubt, errors[effects] ** 2 * vary)
 
-    task = SimpleNamespace(measured={"slew": None}, model=MECHANICS.task.model)
-    finding = FakeFinding(task, SimpleNamespace(effects=(STRIBECK,)), {})
-    monkeypatch.setattr(held_out, "stepper", lambda *_: step)
-    monkeypatch.setattr(held_out, "compared", lambda *_: "slew")
-    held = Held(SimpleNamespace(signals={"slew": None}), 0)  # type: ignore[arg-type]
-    done = {key_of(effects): step(effects) for effects in errors}
-    gains, alike = next_best(finding, held, {STRIBECK.name}, 0.01, done)  # type: ignore[arg-type]
+    gains, alike = without_stribeck(monkeypatch, step, errors)
     assert [e.name for e in gains] == ([named] if named else [])
     # the likeliest of those that they do not tell apart, which are told
     assert {e.name: {o.name for o in found} for e, found in alike.items()} == (
@@ -284,13 +293,7 @@ def test_what_is_worse_within_the_next_best_set_does_not_stand_there_as_somethin
         found = squares[effects]
         return Step(effects, FIT, 1.0, float(np.sqrt(found.mean())), (), found, placed=True)
 
-    task = SimpleNamespace(measured={"slew": None}, model=MECHANICS.task.model)
-    finding = FakeFinding(task, SimpleNamespace(effects=(STRIBECK,)), {})
-    monkeypatch.setattr(held_out, "stepper", lambda *_: step)
-    monkeypatch.setattr(held_out, "compared", lambda *_: "slew")
-    held = Held(SimpleNamespace(signals={"slew": None}), 0)  # type: ignore[arg-type]
-    done = {key_of(effects): step(effects) for effects in squares}
-    gains, _ = next_best(finding, held, {STRIBECK.name}, 0.01, done)  # type: ignore[arg-type]
+    gains, _ = without_stribeck(monkeypatch, step, squares)
     assert {e.name for e in gains} == {DEAD_ZONE.name, BACKLASH.name}
 
 

@@ -426,11 +426,10 @@ class Decisions(Stage):
         """
         if any(self.known.share_told(signal, left[signal]) for signal in wrong) or self.budget.over:
             return False
-        group, values, most = (self.model, self.problem), best.fit.values, allowed(self.model.runs)
-        if missing(*group, values, self.spreads, most) is not None:
+        values, null = best.fit.values, self.known.null.fit.values
+        if missing(self.model, self.problem, values, self.spreads, allowed(self.model.runs)) is not None:
             return False
-        null = self.known.null.fit.values
-        return not outdone(*group, values, null, self.spreads, allowed(self.model.runs))
+        return not outdone(self.model, self.problem, values, null, self.spreads, allowed(self.model.runs))
 
     def _at_limits(self, candidate: Candidate) -> tuple[str, ...]:
         """Trusted parameters that an explanation puts at the limit of what is trusted."""

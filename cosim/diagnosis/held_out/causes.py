@@ -45,7 +45,14 @@ from cosim.diagnosis.thresholds import (
     RIVALS_HELD_OUT,
     SURE_SIZE,
 )
-from cosim.inference.held_out import HeldOutGain, course_of, gain_of_errors, mean_squares, steps_without
+from cosim.inference.held_out import (
+    HeldOutGain,
+    course_of,
+    gain_of_errors,
+    mean_squares,
+    size_of_gain,
+    steps_without,
+)
 from cosim.inference.thresholds import FEWEST_PARTS
 from cosim.logs import Log
 from fmus.contract import Effect
@@ -175,8 +182,8 @@ class Step:
 
         What nobody would mind is measured as the gain is: that of an error larger by so much in each part.
         """
-        minded = gain_of_errors(self.squares, AS_WELL**2 * self.squares, self.placed)
-        return self.gain_over(other).gain >= minded.gain
+        minded = size_of_gain(self.squares, AS_WELL**2 * self.squares, self.placed)
+        return size_of_gain(self.squares, other.squares, self.placed) >= minded
 
     def gain_over(self, other: "Step") -> HeldOutGain:
         """What this set gains on held-out data over another."""

@@ -5,7 +5,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfiltfilt
 
 from cosim.compare.metrics import resolution
 from cosim.compiled import compiled_block
@@ -16,6 +15,7 @@ from cosim.diagnosis.thresholds import READ_AT_START, SAME_INTERVAL
 from cosim.errors import DataError
 from cosim.inference.beginning import level, speed
 from cosim.inference.pieces import by_piece, slope
+from cosim.logs.filter import low_pass_without_shift
 from fmus import registry
 
 Array = NDArray[np.float64]
@@ -235,5 +235,4 @@ def settled(group: Group, drive: float) -> dict[str, float]:
 
 def low_pass(values: Array, h: float, cutoff: float, cuts: tuple[int, ...] = ()) -> Array:
     """Values (n,) every h s without what lies above `cutoff` Hz, no phase shift, piece by piece."""
-    sections = butter(2, min(cutoff * 2.0 * h, 0.9), output="sos")
-    return by_piece(lambda row: np.asarray(sosfiltfilt(sections, row)), cuts, values)
+    return by_piece(lambda row: low_pass_without_shift(row, h, cutoff, order=2), cuts, values)
