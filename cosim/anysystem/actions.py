@@ -132,6 +132,7 @@ def unknowns(action: Action, reach: Reach) -> list[Unknown]:
         "port.quantisation": [("quantum", 0.0, 2.0 * a, 0.05 * a)],
         "port.drift": [("rate", -10.0 * a / reach.length, 10.0 * a / reach.length, 0.3 * a / reach.length)],
         "port.dropout": [("probability", 0.0, 0.99, 0.1)],
+        "port.friction": [("level", 0.0, 2.0 * a, 0.1 * a)],
     }
     return [Unknown(action.key(n), low, high, scale) for n, low, high, scale in table[action.effect]]
 
@@ -169,6 +170,7 @@ def starts(action: Action, reach: Reach) -> list[dict[str, float]]:
         ],
         "port.quantisation": [{"quantum": part * a} for part in (0.02, 0.05, 0.1, 0.2)],
         "port.drift": [{"rate": 0.1 * a / reach.length}, {"rate": -0.1 * a / reach.length}],
+        "port.friction": [{"level": part * a} for part in (0.05, 0.15, 0.4)],
     }
     return [{action.key(n): v for n, v in one.items()} for one in table.get(action.effect, [])]
 

@@ -127,7 +127,7 @@ class Rehearsal:
                     number=NEXT,
                 )
                 model = GroupModel(group, self.found.system, self.runs, [segment])
-                model.base = finding.model.base
+                model.base, model.loops = finding.model.base, finding.model.loops
                 values = changed.get(group.name, finding.chosen.fit.values)
                 ports = model.ports(values, 0)
                 for signal, port in group.judged:

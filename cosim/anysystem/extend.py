@@ -1,8 +1,8 @@
 """The extended model: the user's own package with a small FMU in each wire that a cause is in, and the parameters as found.
 
 An effect at an output stands behind it for everybody; one at an input before that input only; one of a reading feeds an
-output of the system of its own and changes nothing else. Written twice: with Python FMUs, and with native ones where
-there is a C compiler.
+output of the system of its own and changes nothing else. Dry friction before an input reads an output as well. Written
+twice: with Python FMUs, and with native ones where there is a C compiler.
 """
 
 import zipfile
@@ -12,6 +12,7 @@ from pathlib import Path
 from lxml import etree
 
 from cosim.anysystem.actions import NEXT, PARAMETER, Action, in_log
+from cosim.anysystem.model import Loop
 from cosim.anysystem.pipeline import AnyDiagnosis
 from cosim.files import Scratch, write_bytes
 from cosim.native.build import MissingCompilerError, build_native
@@ -21,16 +22,20 @@ from cosim.ssp.system import FOUND, Port, System, Value
 from cosim.ssp.write import NAMESPACES, SSC, SSD, SSV, structure_bytes, write_archive, xml_bytes
 from cosim.ssp.xml import parse
 from cosim.system.effects import EFFECTS
+from fmus import port_effect, port_friction
 from fmus.build import build_fmu
 from fmus.compose import Composed, compose
-from fmus.port_effect import BLOCK
+from fmus.contract import Block
 
 Starts = Mapping[str, float]
 Maker = Callable[[Composed, Path, Starts], Path]
 DESCRIPTION = "SystemStructure.ssd"
 UNSTATED: Mapping[str, Value] = {}
+NONE_READ: Mapping[Action, Port] = {}
 STATED = "mapping"  # name of the set of what a mapping says of parameters and of inputs
 CONNECTED = ("Real", "Integer", "Boolean")  # types of connectors that need no definition beside them
+# effects with an FMU of their own; one holds all others
+BLOCKS = {"port.friction": port_friction.BLOCK}
 # parameters of an effect that are called otherwise where one FMU holds all effects
 NAMES = {
     ("port.dead_zone", "low"): "zone_low",
@@ -47,11 +52,22 @@ def starts_of(found: AnyDiagnosis, group: str, action: Action) -> dict[str, floa
         return {"quantum": shown.step} if hasattr(shown, "step") else {}
     values = in_log(finding.chosen.fit.values, NEXT)
     prefix = action.key("")
-    return {
+    loop = loop_of(found, group, action)
+    return dict(loop.settings if loop else {}) | {
         NAMES.get((action.effect, n.removeprefix(prefix)), n.removeprefix(prefix)): v
         for n, v in values.items()
         if n.startswith(prefix)
     }
+
+
+def loop_of(found: AnyDiagnosis, group: str, action: Action) -> Loop | None:
+    """What is run with a component for an effect, where it is one that depends on what the component then does."""
+    return found.findings[group].model.loops.get(f"{action.port}|{action.where}", {}).get(action.effect)
+
+
+def block_of(effect: str) -> Block:
+    """The block of the FMU that has an effect."""
+    return BLOCKS.get(effect, port_effect.BLOCK)
 
 
 def write_extended(found: AnyDiagnosis, folder: Path, where: Callable[[str, Action], Action]) -> list[Path]:
@@ -74,7 +90,8 @@ def write_extended(found: AnyDiagnosis, folder: Path, where: Callable[[str, Acti
     if not placed and not numbers:
         return []
     stated = found.stated
-    files = [write_package(found.system, effects, numbers, folder / "extended.ssp", build_fmu, stated)]
+    moved = {told: loop.moved for g, a, told in placed if (loop := loop_of(found, g, a))}
+    files = [write_package(found.system, effects, numbers, folder / "extended.ssp", build_fmu, stated, moved)]
     everything = numbers | {
         f"{element_name(a)}.{n}": v for a, starts in effects if starts for n, v in starts.items()
     }
@@ -82,7 +99,7 @@ def write_extended(found: AnyDiagnosis, folder: Path, where: Callable[[str, Acti
     try:
         files.append(
             write_package(
-                found.system, effects, numbers, folder / "extended_native.ssp", build_native, stated
+                found.system, effects, numbers, folder / "extended_native.ssp", build_native, stated, moved
             )
         )
     except MissingCompilerError as error:
@@ -102,6 +119,7 @@ def write_package(
     destination: Path,
     make: Maker,
     stated: Mapping[str, Value] = UNSTATED,
+    moved: Mapping[Action, Port] = NONE_READ,
 ) -> Path:
     """A system's package with effects in its wires.
 
@@ -112,6 +130,7 @@ def write_package(
         destination: the file.
         make: makes the FMU of an effect.
         stated: what the mapping says of parameters, and of inputs that were not measured, likewise.
+        moved: effects that read an output beside their signal, with that.
     """
     entries, root = opened(system)
     node = root.find("ssd:System", NAMESPACES)
@@ -120,9 +139,9 @@ def write_package(
             if not starts:
                 continue
             name = element_name(action)
-            file = make(compose(BLOCK), Path(scratch, f"{name}.fmu"), starts)
+            file = make(compose(block_of(action.effect)), Path(scratch, f"{name}.fmu"), starts)
             entries[f"resources/{name}.fmu"] = file.read_bytes()
-            insert(node, action, name)
+            insert(node, action, name, moved.get(action))
             state_unit(node, action.port, system.variable(action.port).unit)
     for label, values in ((STATED, stated), (FOUND, numbers)):
         for full, value in values.items():
@@ -186,8 +205,8 @@ def connect(wires: etree._Element, start: Mapping[str, str], end: Mapping[str, s
     etree.SubElement(wires, f"{{{SSD}}}Connection", attributes, suppressUnitConversion="true")
 
 
-def insert(system: etree._Element, action: Action, name: str) -> None:
-    """Put the FMU of an effect into the wires at its port."""
+def insert(system: etree._Element, action: Action, name: str, moved: Port | None = None) -> None:
+    """Put the FMU of an effect into the wires at its port; it may read an output as well."""
     elements = system.find("ssd:Elements", NAMESPACES)
     wires = system.find("ssd:Connections", NAMESPACES)
     if wires is None:
@@ -201,6 +220,10 @@ def insert(system: etree._Element, action: Action, name: str) -> None:
     own = etree.SubElement(element, f"{{{SSD}}}Connectors")
     connector(own, "u", "input")
     connector(own, "y", "output")
+    if moved is not None:
+        connector(own, "x", "input")
+        read = {"Element": moved.component, "Connector": moved.variable}
+        connect(wires, read, {"Element": name, "Connector": "x"})
     port = {"Element": action.port.component, "Connector": action.port.variable}
     if action.where == "sensor":
         shown = f"{name}_reading"

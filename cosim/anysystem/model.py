@@ -35,6 +35,21 @@ class Quantity:
     slopes: list[dict[int, Array]] = field(default_factory=list)
 
 
+@dataclass(frozen=True)
+class Loop:
+    """What is run together with a component, since it depends on what that then does.
+
+    Attributes:
+        component: its name in `Runs`; it has an input ``u`` in the place of the component's, and an output ``y``.
+        moved: output of the component that it reads.
+        settings: its parameters that are no finding.
+    """
+
+    component: str
+    moved: Port
+    settings: Mapping[str, float]
+
+
 @dataclass
 class Segment:
     """One log on a uniform grid.
@@ -115,6 +130,7 @@ class GroupModel:
         drives: signal -> what drives instead of the reading.
         off: signal -> (first, last, size): by how much it is taken to be off in this part of each log.
         added: ``port|where`` -> for each log what is added there, behind the effects.
+        loops: ``port|where`` -> effect -> what is run with the component for it.
         until: part of each log that is run; what was measured stands for the rest.
         spared: readings for which that stands as a whole.
         own: signals by which the group is judged and which drive it as well.
@@ -141,6 +157,7 @@ class GroupModel:
         self.steps: dict[str, float] = {}
         self.off: dict[str, tuple[float, float, float]] = {}
         self.added: dict[str, list[Array]] = {}
+        self.loops: dict[str, dict[str, Loop]] = {}
         self.held: dict[str, dict[int, NDArray[np.int64]]] = {}
         self.differs: dict[str, float] = {}
         self.coarse: dict[str, float] = {}
@@ -311,7 +328,10 @@ class GroupModel:
             }
             if not wanted:
                 continue
-            if inputs:
+            loops = self._loops(unit, places)
+            if loops:
+                outputs = self._looped(unit, loops, segment.start, h, inputs, wanted, parameters)
+            elif inputs:
                 outputs = self.runs.run(unit, segment.start, h, inputs, wanted, parameters)
             else:
                 outputs = self.runs.free_run(unit, segment.start, h, self.count(k), wanted, parameters)
@@ -329,6 +349,40 @@ class GroupModel:
             reading = acted(found[f"out:{port}"], h, port, "sensor", places)
             found[signal] = reading[self.held[signal][k][: reading.size]] if signal in self.held else reading
         return found
+
+    def _loops(
+        self, unit: Unit, places: Mapping[str, Mapping[str, Mapping[str, float]]]
+    ) -> dict[Port, tuple[Loop, dict[str, float]]]:
+        """What acts in a loop with components of a unit: port -> what it is, and its numbers; nothing where these are 0."""
+        found = {}
+        for place, loops in self.loops.items():
+            port = Port(*place.partition("|")[0].split(".", 1))
+            for effect, loop in loops.items():
+                numbers = places.get(place, {}).get(effect, {})
+                if port.component in unit.components and any(numbers.values()):
+                    found[port] = loop, dict(numbers)
+        return found
+
+    def _looped(
+        self,
+        unit: Unit,
+        loops: Mapping[Port, tuple[Loop, dict[str, float]]],
+        start: float,
+        h: float,
+        inputs: Mapping[Port, Array],
+        wanted: tuple[Port, ...],
+        parameters: Mapping[str, float],
+    ) -> dict[Port, Array]:
+        """A run of a unit with what acts in a loop with it; superposition holds in none of these."""
+        parts = [*(loop.component for loop, _ in loops.values()), *unit.components]
+        own = {
+            f"{loop.component}.{n}": v
+            for loop, numbers in loops.values()
+            for n, v in {**loop.settings, **numbers}.items()
+        }
+        before = {Port(loops[p][0].component, "u") if p in loops else p: s for p, s in inputs.items()}
+        with self.runs.exact():
+            return self.runs.run(Unit(tuple(parts)), start, h, before, wanted, {**parameters, **own})
 
     def _acted(
         self,

@@ -35,6 +35,7 @@ TEXTS = {
     "port.quantisation": "The reading comes in steps.",
     "port.dropout": "Samples of the reading are stale.",
     "port.drift": "The reading drifts.",
+    "port.friction": "Dry friction takes its level off the signal, against the motion that an output shows.",
 }
 
 

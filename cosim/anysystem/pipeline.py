@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cosim.anysystem.actions import PARAMETER, Action, acted, each, in_log, placed
 from cosim.anysystem.cuts import Cuts, cut_by_logs, lacking, signals_of
 from cosim.anysystem.experiment import Proposal, propose
+from cosim.anysystem.friction import EFFECT, rubs
 from cosim.anysystem.missing import Missing, allowed, missing
 from cosim.anysystem.model import HOLD, GroupModel, Quantity, Segment, place
 from cosim.anysystem.options import AnyOptions
@@ -39,6 +40,7 @@ from cosim.errors import DataError, OutOfTimeError, SimulationError
 from cosim.inference.problem import Problem
 from cosim.logs.log import whole_interval
 from cosim.ssp.system import NUMERIC, Port, System, Value
+from cosim.system.effects import EFFECTS
 from cosim.system.graph import CutGroup, measured_ports, port_of
 from cosim.system.runs import Runs
 from cosim.system.structure import Structure, structure
@@ -418,6 +420,7 @@ def judge(
         search, finding = driven_by_itself(found, search, finding, trust, options)
         search, finding = taken_as_exact(found, search, finding, trust, options)
         finding, *healthy = in_some_logs(found, search, finding, trust, options)
+        search, finding = with_friction(found, search, finding, trust, options)
     except OutOfTimeError:  # in the middle of a run: what was found before stands
         found.budget.leave_out(group.name, "another look with other drives, parameters or logs")
     if group.source and len(found.groups) > 1 and finding.unexplained and not finding.named:
@@ -875,7 +878,7 @@ def like(found: AnyDiagnosis, model: GroupModel, segments: Sequence[Segment] | N
         group, found.system, model.runs, segments or model.segments, found.cuts.own[group.name]
     )
     other.base, other.drives, other.differs = dict(model.base), dict(model.drives), model.differs
-    other.coarse = model.coarse
+    other.coarse, other.loops = model.coarse, dict(model.loops)
     return other
 
 
@@ -931,6 +934,24 @@ def driven_by_itself(
     for segment, driving in zip(segments, before, strict=True):
         segment.driving.update(driving)
     return search, finding
+
+
+def with_friction(
+    found: AnyDiagnosis, search: Search, finding: Finding, trust: Trust, options: AnyOptions
+) -> tuple[Search, Finding]:
+    """The search again with dry friction among the causes, where that explains what is wrong better."""
+    wrong = finding.unexplained or finding.chosen.actions
+    if not wrong or EFFECT in options.exclude or found.budget.over:
+        return search, finding
+    try:
+        if (action := rubs(search, finding)) is None:
+            return search, finding
+        other = Search(like(found, search.model), trust, options.exclude, options.causes, found.budget)
+        theirs = other.run()
+    except OutOfTimeError:
+        found.budget.leave_out(search.model.group.name, "dry friction")
+        return search, finding
+    return (other, theirs) if action in theirs.named else (search, finding)
 
 
 def taken_as_exact(
@@ -995,7 +1016,7 @@ def locate(found: AnyDiagnosis, name: str, trust: Trust, options: AnyOptions) ->
     ports = {port: signal for signal, port in finding.model.group.judged}
     for action in finding.named:
         if action.where not in ("output", "sensor") or action.port not in ports:
-            if action.where == "input":
+            if action.where == "input" and not EFFECTS[action.effect].looped:
                 _drive(found, name, action)
             continue
         signal = ports[action.port]

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 from cosim.ssp.system import Port, System
 
-IDENTIFIER = "port_effect"  # of such an FMU
+FRICTION = "port_friction"
+IDENTIFIERS = ("port_effect", FRICTION)  # of such FMUs
 
 
 def kind_of(port: Port) -> str:
@@ -21,7 +22,7 @@ def effects_at(system: System, port: Port, *places: str) -> list[str]:
     return [
         name
         for name, part in system.components.items()
-        if part.fmu.identifier == IDENTIFIER and name != port.component and name.endswith(ends)
+        if part.fmu.identifier in IDENTIFIERS and name != port.component and name.endswith(ends)
     ]
 
 
@@ -48,6 +49,11 @@ def read_at(system: System, port: Port) -> Port:
     return here
 
 
+def follows_motion(system: System, port: Port) -> bool:
+    """Whether an input is that by which friction follows an output: a loop of the model's own, which no reading cuts."""
+    return system.components[port.component].fmu.identifier == FRICTION and port.variable == "x"
+
+
 def with_unit(system: System, port: Port) -> None:
     """Give the effects at a port its unit, in place: they hand on what it is in."""
     unit = system.variable(port).unit
@@ -60,7 +66,7 @@ def with_unit(system: System, port: Port) -> None:
 
 def with_all_units(system: System) -> None:
     """`with_unit` for all ports of a system as it is read."""
-    if not any(part.fmu.identifier == IDENTIFIER for part in system.components.values()):
+    if not any(part.fmu.identifier in IDENTIFIERS for part in system.components.values()):
         return
     for name, part in list(system.components.items()):
         for variable in part.fmu.variables.values():

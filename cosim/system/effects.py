@@ -45,6 +45,7 @@ class PortEffect:
         parameters: by name, in order.
         act: (signal (n,), interval s, values) -> signal (n,).
         reading: it can happen to a reading only.
+        looped: it depends on what the component then does, and is run in a loop with it: `act` leaves a series as it is.
         text: one line for people.
     """
 
@@ -53,6 +54,7 @@ class PortEffect:
     act: Callable[[Array, float, Mapping[str, float]], Array]
     text: str
     reading: bool = False
+    looped: bool = False
 
     def unit(self, parameter: str, of_signal: str) -> str:
         """Unit of a parameter where the signal has this one."""
@@ -120,6 +122,11 @@ def drift(x: Array, h: float, v: Mapping[str, float]) -> Array:
 def dropout(x: Array, h: float, v: Mapping[str, float]) -> Array:
     """The last reading once more, with a probability; the generator is that of our sensor's dropout."""
     return _dropout(np.ascontiguousarray(x), v["probability"])
+
+
+def friction(x: Array, h: float, v: Mapping[str, float]) -> Array:
+    """Less what rubs: y = x - F, F = slope times speed within -level .. level, the speed being that of an output."""
+    return x
 
 
 @numba.njit(cache=True)
@@ -234,6 +241,13 @@ EFFECTS: dict[str, PortEffect] = {
             drift,
             "a ramp",
             reading=True,
+        ),
+        PortEffect(
+            "port.friction",
+            {"level": _one("signal", 0.0, 0.0, _FAR, "dry friction")},
+            friction,
+            "less dry friction",
+            looped=True,
         ),
     )
 }

@@ -9,7 +9,7 @@ from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 from cosim.errors import DataError
-from cosim.ssp.effects import read_at
+from cosim.ssp.effects import follows_motion, read_at
 from cosim.ssp.hints import did_you_mean
 from cosim.ssp.system import NUMERIC, Port, System, Wire
 
@@ -166,7 +166,11 @@ def cut(system: System, names: Collection[str]) -> tuple[CutGroup, ...]:
     by_port = {port: name for name, port in sources.items()}
     read_at = {port: name for name, (port, _, _) in behind.items()}
     fed = feeders(system)
-    inner = [w for w in system.wires if w.source not in by_port and w.target not in read_at]
+    inner = [
+        w
+        for w in system.wires
+        if follows_motion(system, w.target) or (w.source not in by_port and w.target not in read_at)
+    ]
     groups = []
     for members in _joined(list(system.components), inner):
         own = [w for w in inner if w.source.component in members]
@@ -175,6 +179,8 @@ def cut(system: System, names: Collection[str]) -> tuple[CutGroup, ...]:
             if target.component not in members:
                 continue
             source, factor, offset = fed[target]
+            if follows_motion(system, target):
+                continue
             if target in read_at:
                 drives.append(Drive(read_at[target], target))
             elif source in by_port:

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from cosim.errors import OutOfTimeError, SimulationError
 from cosim.master import Limits, Runner
 from cosim.results import Result
-from cosim.ssp.system import Fmu, Port, System, Value
+from cosim.ssp.system import Component, Fmu, Port, System, Value, Wire
 from cosim.system.graph import Unit
 from cosim.system.superposition import Superposition
 
@@ -71,6 +71,7 @@ class Runs:
         self._linear: dict[tuple[str, ...], Superposition] = {}
         self._exact = False
         self._finer = 1  # parts of each communication step
+        self._beside: list[System] = []  # where components of our own come from
 
     def __enter__(self) -> Self:
         return self
@@ -90,6 +91,27 @@ class Runs:
         for runner in self.runners.values():
             runner.close()
         self.runners.clear()
+        for own in self._beside:
+            own.close()
+        self._beside.clear()
+
+    def add(self, own: System, name: str, wires: Sequence[Wire]) -> None:
+        """Put a component of our own beside those of the system: units that hold it are run with these wires.
+
+        Args:
+            own: its FMU, as it was read; closed with this.
+            name: of the component in units.
+            wires: between it and components of the system.
+        """
+        self._beside.append(own)
+        (component,) = own.components.values()
+        # it takes whatever step the others take
+        fmu = replace(component.fmu, step_size=None)
+        self.system = replace(
+            self.system,
+            components={**self.system.components, name: Component(name, fmu, component.starts)},
+            wires=(*self.system.wires, *wires),
+        )
 
     def load(self, units: Sequence[Unit]) -> None:
         """Load the FMUs of some units side by side: each process of its own takes seconds to start.

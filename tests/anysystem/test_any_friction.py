@@ -1,23 +1,44 @@
-"""Dry friction is in no FMU of a stranger's: it is told as what is missing at the input against the speed of the output."""
+"""Dry friction that an FMU of a stranger's lacks: named with its level, and put into the package as a loop."""
 
 import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 import systems
 from scipy.integrate import solve_ivp
 
 from benchmarks.systems import parts
+from cosim.errors import DataError
+from cosim.master import Runner
+from cosim.native.build import build_native
+from cosim.ssp.read import read_system
+from cosim.ssp.system import Port
+from cosim.system.graph import cut
+from fmus.build import build_fmu
+from fmus.compose import compose
+from fmus.port_friction import BLOCK
 
 LEVEL, NOISE = 0.25, 0.003  # of the input; of the reading
+MAPPING = """[time]
+column = "time"
+unit = "s"
+[signals.command]
+column = "command"
+unit = "1"
+[signals."plant.y"]
+column = "plant.y"
+unit = "1"
+"""
 
 
-def test_dry_friction_is_told_as_a_function_of_the_speed(
-    fmus: dict[str, Path], command, tmp_path: Path
-) -> None:
+@pytest.fixture(scope="module")
+def axis(fmus: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """An axis on a spring without friction, and the synthetic log of one that rubs."""
+    folder = tmp_path_factory.mktemp("axis")
     values = systems.VALUES["plant"]
     model = parts.write_ssp(
-        tmp_path / "axis.ssp", {"plant": fmus["second"]}, [("command", "plant.u")], {"plant": values}
+        folder / "axis.ssp", {"plant": fmus["second"]}, [("command", "plant.u")], {"plant": values}
     )
     rng = np.random.default_rng(6)
     drive = systems.command(rng)
@@ -29,10 +50,63 @@ def test_dry_friction_is_told_as_a_function_of_the_speed(
         return [x[1], w**2 * (k * pushed - x[0]) - 2.0 * zeta * w * x[1]]
 
     moved = solve_ivp(rate, (0.0, time[-1]), [0.0, 0.0], "LSODA", time, max_step=systems.H).y[0]
-    log = tmp_path / "log.csv"
     table = np.column_stack([time, drive, moved + rng.normal(0.0, NOISE, time.size)])
-    np.savetxt(log, table, delimiter=",", header="time [s],command [1],plant.y [1]", comments="")
+    np.savetxt(
+        folder / "log.csv", table, delimiter=",", header="time [s],command [1],plant.y [1]", comments=""
+    )
+    return model, folder / "log.csv"
+
+
+def test_dry_friction_is_named_and_in_the_package(axis: tuple[Path, Path], command, tmp_path: Path) -> None:
+    model, log = axis
     code, out, err = command("diagnose", log, "--model", model, "--out", tmp_path / "out", "--json")
+    assert code == 0, err
+    found = json.loads(out)
+    (cause,) = found["causes"]
+    assert (cause["effect"], cause["component"], cause["connector"]) == ("port.friction", "plant", "u")
+    level = cause["parameters"]["level"]
+    assert level["value"] == pytest.approx(LEVEL, rel=0.03)
+    assert level["ci95"][0] < LEVEL < level["ci95"][1]
+    assert cause["indistinguishable_from"] == []
+    gain = found["gain"]["plant.y"]
+    assert gain["rmse_after"] < 0.1 * gain["rmse_before"]
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "Dry friction takes its level off the signal" in page
+
+    # the package has it in a loop, in both kinds of code, and is right at a finer step too
+    table = np.loadtxt(log, delimiter=",", skiprows=1)
+    errors = {}
+    for name in ("extended.ssp", "extended_native.ssp"):
+        with Runner(tmp_path / "out" / name) as runner:
+            inputs = {"command": (table[:, 0], table[:, 1])}
+            for step in (systems.H, systems.H / 5):
+                result = runner.run(table[-1, 0], step, inputs=inputs, record=["plant.y"], hold=())
+                rest = np.interp(table[:, 0], result.time, result.signals["plant.y"]) - table[:, 2]
+                errors[name, step] = float(np.std(rest))
+    assert errors["extended.ssp", systems.H / 5] < 1.3 * NOISE
+    assert errors["extended.ssp", systems.H] < 0.1 * gain["rmse_before"]
+    for step in (systems.H, systems.H / 5):
+        assert errors["extended_native.ssp", step] == pytest.approx(errors["extended.ssp", step], rel=1e-9)
+
+    # and the log shows nothing wrong with it: no reading cuts that loop
+    again = command(
+        "diagnose", log, "--model", tmp_path / "out" / "extended.ssp", "--out", tmp_path / "again", "--json"
+    )
+    assert json.loads(again[1])["verdict"] == "adequate"
+    with read_system(tmp_path / "out" / "extended.ssp") as extended:
+        (group,) = cut(extended, ["command", "plant.y"])
+        assert len(group.units) == 1
+        assert [d.port for d in group.drives] == [Port("friction_plant_u_input", "u")]
+
+
+def test_an_excluded_friction_is_told_as_a_function_of_the_speed(
+    axis: tuple[Path, Path], command, tmp_path: Path
+) -> None:
+    model, log = axis
+    mapping = tmp_path / "m.toml"
+    mapping.write_text(MAPPING + '[diagnose]\nexclude = ["port.friction"]\n')
+    words = ["diagnose", log, "--model", model, "--mapping", mapping, "--out", tmp_path / "out", "--json"]
+    code, out, err = command(*words)
     assert code == 0, err
     found = json.loads(out)
     assert found["causes"] == [], "play at the input leaves less than none, and more than friction would"
@@ -47,3 +121,31 @@ def test_dry_friction_is_told_as_a_function_of_the_speed(
     np.testing.assert_allclose(force[fast], -LEVEL * np.sign(speed[fast]), atol=0.6 * LEVEL)
     page = (tmp_path / "out" / "report.html").read_text()
     assert "What is missing at plant.u against speed of plant.y" in page
+
+
+@pytest.mark.parametrize("make", [build_fmu, build_native])
+@pytest.mark.parametrize("of_place", [0, 1])
+def test_friction_is_its_level_against_the_motion_and_rises_within_a_step(
+    make, of_place, tmp_path: Path
+) -> None:
+    h, level, acceleration = 0.01, 0.3, 4.0
+    speed = np.array([0.0, 1.0, 1.0, -1.0, -1.0, 0.006, 0.006, 0.0, 0.0])
+    time = h * np.arange(speed.size)
+    # what a step reads is the value at its start: the place then, or the speed
+    x = np.concatenate([[0.0], np.cumsum(h * speed)[:-1]]) if of_place else speed
+    starts = {"level": level, "acceleration": acceleration, "of_place": of_place}
+    with Runner(make(compose(BLOCK), tmp_path / "f.fmu", starts)) as runner:
+        inputs = {"u": (time, np.full(time.size, 2.0)), "x": (time, x)}
+        y = runner.run(time[-1], h, inputs=inputs, record=["f.y"]).signals["f.y"]
+    rubs = 2.0 - y
+    assert set(np.round(rubs, 12)) >= {0.0, level, -level, round(0.006 / (2 * acceleration * h), 12)}
+    assert np.all(np.abs(rubs) <= level + 1e-12)
+
+
+def test_an_effect_that_is_no_candidate_is_refused_by_name(tmp_path: Path, command, axis) -> None:
+    model, log = axis
+    mapping = tmp_path / "m.toml"
+    mapping.write_text(MAPPING + '[diagnose]\nexclude = ["port.rubs"]\n')
+    code, _, err = command("diagnose", log, "--model", model, "--mapping", mapping, "--out", tmp_path / "o")
+    assert code == DataError.exit_code
+    assert "port.friction" in err

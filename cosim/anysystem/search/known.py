@@ -266,19 +266,26 @@ class Known:
         fans = [w.source for w in group.inner]
         for port in dict.fromkeys(inputs):
             if port in driven or not self._only_wire(port, fans, judged):
-                found += [Action(e, port, "input") for e, effect in EFFECTS.items() if not effect.reading]
+                found += [Action(e, port, "input") for e in self._at("input", port)]
         for port in dict.fromkeys(outputs):
-            found += [Action(e, port, "output") for e, effect in EFFECTS.items() if not effect.reading]
+            found += [Action(e, port, "output") for e in self._at("output", port)]
         for signal, port in group.judged:
             found.append(Action("port.drift", port, "sensor"))
             if (
                 signal in self.model.own
             ):  # what the reading drives is here: it knows whether the reading alone is off
-                found += [Action(e, port, "sensor") for e, effect in EFFECTS.items() if not effect.reading]
+                found += [Action(e, port, "sensor") for e in self._at("sensor", port)]
         real = {
             p for p in dict.fromkeys(a.port for a in found) if self.model.system.variable(p).kind == "Real"
         }
         return [a for a in found if a.effect not in self.exclude and a.port in real]
+
+    def _at(self, where: str, port: Port) -> list[str]:
+        """Effects that may act at a place: those of any signal, and what can be run in a loop there."""
+        loops = self.model.loops.get(f"{port}|{where}", {})
+        return [
+            e for e, effect in EFFECTS.items() if not effect.reading and (not effect.looped or e in loops)
+        ]
 
     def _only_wire(self, port: Port, fans: Sequence[Port], judged: set[Port]) -> bool:
         """Whether an unmeasured wire into this port is the only one of its source: then both of its ends are one place."""

@@ -74,6 +74,8 @@ class Rivals(Stage):
         values = best.fit.values
         if action.effect != PARAMETER:
             same = EFFECTS[action.effect].parameters
+            if EFFECTS[action.effect].looped:
+                return []
             return [
                 (other, {other.key(p): values[action.key(p)] for p in same})
                 for port in ports
