@@ -243,6 +243,7 @@ class Effect:
         free: how each parameter that the effect changes is estimated; it may be the block's own (J, K, tau_c).
         forms: parameters each of which gives its law another form, with how it is estimated: tried, one at a time, only
             where the effect explains much and its simplest law leaves something.
+        form_of_place: the form that it has from the beginning where a drive holds a demanded place; empty if none.
         fills: slot name -> equation with the slot's signature.
         memory: what it remembers between steps: `Variable` or `Buffer` by name.
         begin: equation (x, u, p) -> tuple of initial memory values (of the Variables only), or None without memory.
@@ -270,6 +271,7 @@ class Effect:
     parameters: dict[str, Variable] = field(default_factory=dict)
     free: dict[str, Free] = field(default_factory=dict)
     forms: dict[str, Free] = field(default_factory=dict)
+    form_of_place: str = ""
     fills: dict[str, Callable[..., Any]] = field(default_factory=dict)
     memory: dict[str, Variable | Buffer] = field(default_factory=dict)
     begin: Callable[..., Any] | None = None

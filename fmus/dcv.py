@@ -1,7 +1,7 @@
 """Directional control valve: command to spool position, second order, with stops, speed limit and neutral.
 
     x'' + 2 zeta w0 x' + w0^2 x = w0^2 (K u + x_0)            (4.16)
-    |x'| <= v_max,   x_min <= x <= x_max                      stop: position clamped, speed set to zero
+    -r_v v_max <= x' <= v_max,   x_min <= x <= x_max          stop: position clamped, speed set to zero
 
 The demand is held over a step. Between events the solution is exact for any step; an event (speed limit reached or
 left, stop hit) is located inside the step.
@@ -43,6 +43,7 @@ class Parameters(NamedTuple):
     zeta: Annotated[float, Variable("1", "Damping ratio", 0.545, 0.0, 100.0, source="(5.3), Table 4.3 TF4")]
     x_0: Annotated[float, Variable("m", "Shift of the neutral position", 0.0, -1e-2, 1e-2, display="mm", nominal=1e-4, source="Table 3.5: neutral shifted; nominal 0")]  # fmt: skip
     v_max: Annotated[float, Variable("m/s", "Largest spool speed; 1 m/s is out of reach", 1.0, 1e-5, 100.0, display="mm/s", nominal=1e-2, source="no rate limit in reach")]  # fmt: skip
+    r_v: Annotated[float, Variable("1", "Largest speed towards B over that towards A", 1.0, 0.01, 100.0, source="alike in both directions")]  # fmt: skip
     x_min: Annotated[float, Variable("m", "Stop towards B", -2.6e-3, -1.0, 0.0, display="mm", nominal=1e-3, source="Table 3.6")]  # fmt: skip
     x_max: Annotated[float, Variable("m", "Stop towards A", 2.6e-3, 0.0, 1.0, display="mm", nominal=1e-3, source="Table 3.6")]  # fmt: skip
     spool_0: Annotated[float, Variable("m", "Spool position at the start", 0.0, -1.0, 1.0, display="mm", nominal=1e-3, source="starts at rest")]  # fmt: skip
@@ -83,11 +84,26 @@ def rest_position(demand: float, p: Parameters) -> float:
 
 
 @equation
+def fastest(rate: float, p: Parameters) -> float:
+    """The largest speed in the direction of this one, m/s, both as magnitudes."""
+    if rate < 0.0:
+        return p.v_max * p.r_v
+    return p.v_max
+
+
+@equation
+def slow_both_ways(e: float, v: float, p: Parameters) -> bool:
+    """True where the energy of a free motion from here bounds its speed below the limits of both directions."""
+    least = p.v_max * min(1.0, p.r_v)
+    return p.w0 * p.w0 * e * e + v * v < least * least
+
+
+@equation
 def inside(spool: float, rate: float, p: Parameters) -> bool:
     """True where neither a stop nor the speed limit is exceeded by more than rounding."""
     grace = 1e-12 * (p.x_max - p.x_min)
     fast = p.v_max * (1.0 + 1e-12)
-    return p.x_min - grace <= spool <= p.x_max + grace and -fast <= rate <= fast
+    return p.x_min - grace <= spool <= p.x_max + grace and -fast * p.r_v <= rate <= fast
 
 
 @equation
@@ -95,7 +111,7 @@ def unlimited(spool: float, rate: float, rest: float, p: Parameters) -> bool:
     """True if the free motion from here never meets a limit: its energy only falls, which bounds deviation and speed."""
     e = spool - rest
     reach = math.sqrt(e * e + rate * rate / (p.w0 * p.w0))
-    return inside(rest + reach, p.w0 * reach, p) and inside(rest - reach, 0.0, p)
+    return inside(rest + reach, p.w0 * reach, p) and inside(rest - reach, -p.w0 * reach, p)
 
 
 @equation
@@ -171,7 +187,7 @@ def sliding_time(spool: float, rate: float, rest: float, zeta: float, p: Paramet
 @equation
 def settled(spool: float, rate: float, p: Parameters) -> State:
     """Clamped to the limits; a stop takes the speed into it."""
-    rate = min(p.v_max, max(-p.v_max, rate))
+    rate = min(p.v_max, max(-p.v_max * p.r_v, rate))
     if spool >= p.x_max:
         return State(p.x_max, min(rate, 0.0))
     if spool <= p.x_min:
@@ -186,7 +202,7 @@ def constrained(spool: float, rate: float, rest: float, h: float, zeta: float, p
     for _ in range(100000):
         if rate == 0.0 and ((spool >= p.x_max and rest >= p.x_max) or (spool <= p.x_min and rest <= p.x_min)):
             return State(spool, 0.0)  # pressed against a stop
-        if abs(rate) >= p.v_max:
+        if abs(rate) >= fastest(rate, p):
             dt = min(left, sliding_time(spool, rate, rest, zeta, p))
             if dt > 1e-9 * h:
                 spool, rate = settled(spool + rate * dt, rate, p)
@@ -228,9 +244,8 @@ def pull(e: float, v: float, m: NoMemory, p: Parameters) -> float:
 @equation
 def met_nothing(spool: float, rate: float, e: float, v: float, dt: float, p: Parameters) -> bool:
     """True if motion over dt from (e, v) to (spool, rate) met no limit: it did not turn, and energy bounds its speed."""
-    slow = p.w0 * p.w0 * e * e + v * v < p.v_max * p.v_max
-    within = p.x_min < spool < p.x_max and -p.v_max < rate < p.v_max
-    return within and slow and v * rate >= 0.0 and p.w0 * dt <= 1.0
+    within = p.x_min < spool < p.x_max and abs(rate) < fastest(rate, p)
+    return within and slow_both_ways(e, v, p) and v * rate >= 0.0 and p.w0 * dt <= 1.0
 
 
 @equation
@@ -286,9 +301,9 @@ def step(x: State, u: Input, m: NoMemory, p: Parameters, c: Coefficients) -> Sta
         return varied(x.spool, v, rest, c.h, most, m, p)
     spool = rest + c.a11 * e + c.a12 * v
     rate = c.a21 * e + c.a22 * v
-    if p.x_min < spool < p.x_max and -p.v_max < rate < p.v_max:
+    if p.x_min < spool < p.x_max and abs(rate) < fastest(rate, p):
         # no limit in between: the spool did not turn and energy bounds its speed, or nothing can be met at all
-        slow = p.w0 * p.w0 * e * e + v * v < p.v_max * p.v_max
+        slow = slow_both_ways(e, v, p)
         if (slow and v * rate >= 0.0 and p.w0 * c.h <= 1.0) or unlimited(x.spool, v, rest, p):
             return State(spool, rate)
     return constrained(x.spool, v, rest, c.h, p.zeta, p)
@@ -314,7 +329,10 @@ def motion_from(x: State, u: Input, m: NoMemory, p: Parameters, c: Coefficients)
     if x.spool_rate == 0.0 and x.spool <= p.x_min and rest < p.x_min - 1e-15:
         return -1.0
     side = math.copysign(1.0, x.spool_rate)
-    if abs(x.spool_rate) >= p.v_max and pull(x.spool - rest, x.spool_rate, m, p) * side > 1e-9:
+    if (
+        abs(x.spool_rate) >= fastest(x.spool_rate, p)
+        and pull(x.spool - rest, x.spool_rate, m, p) * side > 1e-9
+    ):
         return 2.0 * side
     return 0.0
 
@@ -335,7 +353,7 @@ def indicators(
         return rest - p.x_max, 1.0, 1.0
     if motion == -1.0:
         return p.x_min - rest, 1.0, 1.0
-    left = p.v_max - abs(x.spool_rate) + 1e-12
+    left = fastest(x.spool_rate, p) - abs(x.spool_rate) + 1e-12
     if motion != 0.0:
         left = pull(x.spool - rest, x.spool_rate, m, p) * motion
     return p.x_max - x.spool + 1e-15, x.spool - p.x_min + 1e-15, left

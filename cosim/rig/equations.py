@@ -63,7 +63,7 @@ def play(value: float, last: float, half: float) -> float:
 
 @compiled
 def valve_rates(s: State, t: float, demand: float, p: Plant) -> tuple[float, float]:
-    """Spool speed [m/s] and acceleration [m/s2] at demand [1]; the speed state is limited to v_max."""
+    """Spool speed [m/s] and acceleration [m/s2] at demand [1]; the speed state is limited to -r_v v_max..v_max."""
     q, k = p.dcv, p.dcv.K
     if p.unknown.g_warm != 0.0:
         k *= 1.0 + p.unknown.g_warm * (1.0 - math.exp(-t / p.unknown.tau_warm))
@@ -71,7 +71,7 @@ def valve_rates(s: State, t: float, demand: float, p: Plant) -> tuple[float, flo
     zeta = q.zeta
     if q.c_a != 0.0:
         zeta *= 1.0 + q.c_a * math.exp(-((error / (q.u_a * k)) ** 2))
-    v = clip(s.v, -q.v_max, q.v_max)
+    v = clip(s.v, -q.r_v * q.v_max, q.v_max)
     return v, q.w0 * q.w0 * error - 2.0 * zeta * q.w0 * v
 
 

@@ -35,7 +35,7 @@ COLUMNS = ("spool", "p_load", "p_supply", "theta", "omega", "seen", "sensed", "b
 @compiled
 def _stopped(s: State, p: Plant) -> State:
     """The state with the hard stops of spool and column (position clamped, speed zero) and the spool's greatest speed."""
-    x, v = s.x, clip(s.v, -p.dcv.v_max, p.dcv.v_max)
+    x, v = s.x, clip(s.v, -p.dcv.r_v * p.dcv.v_max, p.dcv.v_max)
     if x > p.dcv.x_max:
         x, v = p.dcv.x_max, min(v, 0.0)
     elif x < p.dcv.x_min:

@@ -39,6 +39,7 @@ class Dcv(NamedTuple):
     zeta: float = 0.545
     x_0: float = 0.0
     v_max: float = 1.0
+    r_v: float = 1.0
     x_min: float = -2.6e-3
     x_max: float = 2.6e-3
     tau_d: float = 0.0
@@ -194,6 +195,7 @@ PARAMETERS: dict[str, Parameter] = {
     "dcv.zeta": Parameter("1", 0.01, 20.0, "Damping ratio of the valve", "(5.3)"),
     "dcv.x_0": Parameter("m", -5e-3, 5e-3, "Shift of the spool's neutral", _D),
     "dcv.v_max": Parameter("m/s", 1e-5, 1e3, "Greatest spool speed", _D),
+    "dcv.r_v": Parameter("1", 0.01, 100.0, "Greatest spool speed towards B over that towards A", _D),
     "dcv.x_min": Parameter("m", -0.1, 0.0, "Stop of the spool, port B", "Table 3.6"),
     "dcv.x_max": Parameter("m", 0.0, 0.1, "Stop of the spool, port A", "Table 3.6"),
     "dcv.tau_d": Parameter("s", 0.0, 2.0, "Delay of the demand", _D),

@@ -11,6 +11,8 @@ EFFECT = Effect(
     free={
         "v_max": Free(
             starts=(0.005, 0.008, 0.012, 0.017, 0.024, 0.035), scale=0.01, limits="spool", rate=True
-        )
+        ),
     },
+    forms={"r_v": Free(starts=(0.5, 0.75, 1.33, 2.0), scale=0.1)},
+    form_of_place="r_v",
 )

@@ -24,9 +24,20 @@ def reference(
     demand: float, t: float, x: float = 0.0, v: float = 0.0, **given_values: float
 ) -> tuple[float, float]:
     """(spool, speed) after t seconds under a constant demand, phase by phase."""
-    p = {"K": K, "w0": W0, "zeta": ZETA, "v_max": 1.0, "x_min": -STOP, "x_max": STOP} | given_values
-    low, high, v_max = p["x_min"], p["x_max"], p["v_max"]
+    p = {
+        "K": K,
+        "w0": W0,
+        "zeta": ZETA,
+        "v_max": 1.0,
+        "r_v": 1.0,
+        "x_min": -STOP,
+        "x_max": STOP,
+    } | given_values
+    low, high = p["x_min"], p["x_max"]
     rest = p["K"] * demand
+
+    def most(v: float) -> float:
+        return p["v_max"] * (p["r_v"] if v < 0.0 else 1.0)
 
     def force(x: float, v: float) -> float:
         return p["w0"] ** 2 * (rest - x) - 2 * p["zeta"] * p["w0"] * v
@@ -35,7 +46,7 @@ def reference(
     while t - now > 1e-14:
         if ((x >= high and rest >= high) or (x <= low and rest <= low)) and v * (rest - x) >= 0.0:
             return (high if x >= high else low), 0.0
-        saturated = abs(v) >= v_max * (1 - 1e-12) and force(x, v) * v > 1e-9 * v * v
+        saturated = abs(v) >= most(v) * (1 - 1e-12) and force(x, v) * v > 1e-9 * v * v
 
         def rates(_: float, y: np.ndarray, saturated: bool = saturated) -> list[float]:
             return [y[1], 0.0 if saturated else force(y[0], y[1])]
@@ -44,7 +55,7 @@ def reference(
         events.append(
             (lambda _, y: force(y[0], y[1]) * math.copysign(1, y[1]))
             if saturated
-            else (lambda _, y: v_max - abs(y[1]))
+            else (lambda _, y: most(y[1]) - abs(y[1]))
         )
         for event in events:
             event.terminal, event.direction = True, -1
@@ -58,7 +69,7 @@ def reference(
             elif len(found.t_events[1]):
                 x, v = low, 0.0
             elif not saturated:
-                v = math.copysign(v_max, v)
+                v = math.copysign(most(v), v)
     return x, v
 
 
@@ -101,15 +112,16 @@ def test_full_command_meets_the_stop_and_rests_at_its_gain() -> None:
     h=st.sampled_from([1e-3, 0.01, 0.1, 1.0]),
     zeta=st.sampled_from([0.0, 0.545, 1.0, 3.0]),
     v_max=st.sampled_from([1.0, 0.05, 0.01]),
+    r_v=st.sampled_from([1.0, 0.4, 2.5]),
     x_max=st.floats(0.0, 2.6e-3),
 )
 def test_stops_and_speed_limit_are_never_exceeded(
-    demands: list[float], h: float, zeta: float, v_max: float, x_max: float
+    demands: list[float], h: float, zeta: float, v_max: float, r_v: float, x_max: float
 ) -> None:
-    limits = {"zeta": zeta, "v_max": v_max, "x_max": x_max}
+    limits = {"zeta": zeta, "v_max": v_max, "r_v": r_v, "x_max": x_max}
     outputs = run(BLOCK, h, [0.0], limits).play([[d] for d in demands])
     assert np.all((outputs[:, 0] >= -STOP) & (outputs[:, 0] <= x_max))
-    assert np.all(np.abs(outputs[:, 1]) <= v_max)
+    assert np.all((outputs[:, 1] >= -v_max * r_v) & (outputs[:, 1] <= v_max))
     pressed = outputs[:, 0] == x_max
     assert np.all(outputs[pressed, 1] <= 0.0), "a spool at its stop does not move into it"
     assert np.all(outputs[outputs[:, 0] == -STOP, 1] >= 0.0)
@@ -123,6 +135,9 @@ def test_stops_and_speed_limit_are_never_exceeded(
         (1.0, {"v_max": 0.02}),
         (-1.0, {"v_max": 0.005}),
         (2.0, {"v_max": 0.01}),
+        (-1.0, {"v_max": 0.02, "r_v": 0.3}),
+        (1.0, {"v_max": 0.02, "r_v": 0.3}),
+        (-1.0, {"v_max": 0.01, "r_v": 2.0}),
         (1.0, {"x_max": 1e-3}),
         (1.05, {"zeta": 0.05}),
         (1.0, {"zeta": 0.05, "v_max": 0.03, "x_max": 4e-3}),
@@ -143,12 +158,13 @@ def test_events_against_a_fine_integration(demand: float, limits: dict[str, floa
 @given(
     st.floats(-2.0, 2.0), st.floats(-2.5e-3, 2.5e-3), st.floats(-0.04, 0.04), st.floats(0.01, 0.5),
     st.integers(2, 12), st.sampled_from([0.1, 0.545, 1.2]), st.sampled_from([1.0, 0.04]),
+    st.sampled_from([1.0, 0.5, 2.0]),
 )  # fmt: skip
 def test_one_step_equals_many_with_events(
-    demand: float, x: float, v: float, h: float, n: int, zeta: float, v_max: float
+    demand: float, x: float, v: float, h: float, n: int, zeta: float, v_max: float, r_v: float
 ) -> None:
     """Wherever the instants of the events fall, the way the time is cut does not matter."""
-    limits = {"zeta": zeta, "v_max": v_max}
+    limits = {"zeta": zeta, "v_max": v_max, "r_v": r_v}
     whole = run(BLOCK, h, [0.0], limits, spool=x, spool_rate=v).step(demand)
     parts = run(BLOCK, h / n, [0.0], limits, spool=x, spool_rate=v).play([[demand]] * n)[-1]
     # near a grazing contact an event of the size of rounding may be seen or not: sqrt(eps) of the travel

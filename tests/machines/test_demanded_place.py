@@ -9,6 +9,7 @@ import pytest
 
 from cosim.browser.form import machine_of as machine_of_page
 from cosim.diagnosis.answer import remarks
+from cosim.diagnosis.answer.answer import answer
 from cosim.diagnosis.answer.curve import curve_of
 from cosim.diagnosis.answer.remarks import at_once, itself
 from cosim.diagnosis.model.choice import machine_of
@@ -23,8 +24,9 @@ from cosim.logs.guess import guesses, mapping_text
 from cosim.logs.overview import overview
 from cosim.machines import made_for
 from cosim.machines.rough import stays_with
+from cosim.report.material import Material
 from cosim.report.names import kind_of_motion
-from cosim.report.words import quantity
+from cosim.report.words import in_own_words, quantity
 
 PLAIN = """
 time = { column = "t", unit = "s" }
@@ -37,13 +39,15 @@ chain = ["dead_zone", "dcv", "continuity", "mechanical", "sensor"]
 LATE, LAG, STEP = 0.12, 0.06, 0.01  # s
 
 
-def servo(folder: Path, late: float = LATE, fastest: float = np.inf) -> tuple[Path, Path]:
+def servo(
+    folder: Path, late: float = LATE, fastest: float = np.inf, back: float = np.inf
+) -> tuple[Path, Path]:
     """A log of steps with supply voltage and temperature, and its mapping as `cosim init --machine` writes it.
 
     Args:
         folder: where to write them.
         late: s, delay of the servo.
-        fastest: 1/s, rate at which it lets its goal change.
+        fastest, back: 1/s, rates at which it lets its goal rise and fall.
     """
     t = STEP * np.arange(4000)
     rng = np.random.default_rng(5)
@@ -52,7 +56,7 @@ def servo(folder: Path, late: float = LATE, fastest: float = np.inf) -> tuple[Pa
     asked = np.roll(goal, round(late / STEP))
     asked[: round(late / STEP)] = goal[0]
     for k in range(1, t.size):
-        asked[k] = asked[k - 1] + np.clip(asked[k] - asked[k - 1], -fastest * STEP, fastest * STEP)
+        asked[k] = asked[k - 1] + np.clip(asked[k] - asked[k - 1], -min(fastest, back) * STEP, fastest * STEP)
     place = np.full(t.size, goal[0])
     kept = np.exp(-STEP / LAG)
     for k in range(1, t.size):
@@ -176,6 +180,24 @@ def test_a_limit_of_its_rate_is_told_as_a_speed_of_the_place(tmp_path):
     speed = found.top_speeds["dcv.v_max"]
     assert speed.value == pytest.approx(1.5, rel=0.02)
     assert speed.ci95[0] < speed.value < speed.ci95[1] < 1.6
+
+
+def test_each_direction_has_a_fastest_rate_of_its_own(tmp_path):
+    """A cylinder has two areas. One rate for both ways drifts, and a linear model takes the drive for a slow one."""
+    file, mapping = servo(tmp_path, late=0.0, fastest=1.6, back=0.8)
+    log = load_log(file, mapping)
+    machine = machine_of(None, log, mapping)
+    with speaking(machine.lexicon):
+        found = diagnose(log, model=machine, tolerance=CALIBRATED_TRUST)
+        assert [c.effect.name for c in found.causes] == ["dcv.rate_limit"]
+        there, back = (found.top_speeds[f"dcv.{n}"] for n in ("v_max", "r_v"))
+        assert (there.value, back.value) == (pytest.approx(1.6, rel=0.02), pytest.approx(-0.8, rel=0.02))
+        assert back.ci95[0] < back.value < back.ci95[1] < 0.0
+        told = answer(found, log, None)
+        (cause,) = told.causes
+        assert set(cause.top_speed) == {"v_max", "r_v"}
+        how = in_own_words(cause, Material(told, 0.0, {}, {}))[1]
+        assert "one way and" in how
 
 
 def test_its_delay_is_named_in_words_of_a_place(loaded):

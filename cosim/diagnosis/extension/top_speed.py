@@ -71,26 +71,35 @@ def rates_of_place(
     """``component.parameter`` of each limit of the rate at which a drive lets its demanded place change -> that rate, SI.
 
     The demand within a drive that closes its own loop has no unit that anyone knows: the place where a lasting demand ends,
-    over that demand, makes of its rate one of the place that is held.
+    over that demand, makes of its rate one of the place that is held. Where the other direction has a rate of its own, given
+    as their ratio, that is told as well, by the name of the ratio.
     """
     told, gain = {}, "dcv.K"
     widest = float(max(model.drive.min(), model.drive.max(), key=abs))
     if widest == 0.0 or "dcv" not in model.group.components:
         return {}
-    for name in (f"{e.component}.{p}" for e in effects for p, free in e.free.items() if free.rate):
-        if name not in names:
-            continue
+    rates = [(e, f"{e.component}.{p}") for e in effects for p, free in e.free.items() if free.rate]
+    for effect, limit in rates:
+        ratio = f"{effect.component}.{effect.form_of_place}"
 
-        def rate(values: dict[str, float], limit: str = name) -> float | None:
-            still = settled(model, widest, {n: v for n, v in values.items() if n != limit})
+        def rate(values: dict[str, float], limit: str = limit, ratio: str = ratio) -> float | None:
+            still = settled(model, widest, {n: v for n, v in values.items() if n not in (limit, ratio)})
             demand = values.get(gain, model.nominal(gain)) * widest
             return None if still is None else values[limit] * still / demand
 
-        values = endless(model.group, effects, found.values) | {name: found.values[name]}
-        speed = rate(values)
-        slopes = slopes_of(rate, values, names, speed) if speed else None
-        if speed is not None and slopes is not None and slopes[names.index(name)] != 0.0:
-            told[name] = between(in_place(found, name, speed, slopes), name, repetitions)
+        def back(values: dict[str, float], limit: str = limit, ratio: str = ratio) -> float | None:
+            there = rate(values, limit, ratio)
+            return None if there is None else -there * values[ratio]
+
+        for name, of in ((limit, rate), (ratio, back)):
+            if name not in names or limit not in names:
+                continue
+            values = endless(model.group, effects, found.values)
+            values |= {n: found.values[n] for n in (limit, ratio) if n in found.values}
+            speed = of(values)
+            slopes = slopes_of(of, values, names, speed) if speed else None
+            if speed is not None and slopes is not None and slopes[names.index(name)] != 0.0:
+                told[name] = between(in_place(found, name, speed, slopes), name, repetitions)
     return told
 
 

@@ -11,6 +11,7 @@ from cosim.diagnosis.fitting.fit import Fit, Task, Unknown, fit, placed
 from cosim.diagnosis.fitting.group_model import GroupModel
 from cosim.diagnosis.fitting.limits import idle, out_of_reach, passed_in_fit, reached
 from cosim.diagnosis.fitting.noise import Whitener
+from cosim.diagnosis.fitting.paced import paced
 from cosim.diagnosis.fitting.starts import Size, fit_from_starts
 from cosim.diagnosis.fitting.weighed import weighed
 from cosim.diagnosis.record.signatures import SAMPLED
@@ -173,6 +174,11 @@ def tried(
     if size is not None and size.phase:
         effect = next(e for e in effects if size.name == f"{e.component}.{e.key}")
         besides = weighed(task, effect, {u.name: u.start for u in wanted})
+    elif size is not None and quickly(tolerance):
+        effect = next(
+            e for e in effects if size.name.partition(".")[2] in e.free and size.name.startswith(e.component)
+        )
+        besides = paced(task, effect, {u.name: u.start for u in wanted})
     found = fit_from_starts(
         task, wanted, starts, rounds=rounds, size=size, slopes=slopes, quick=quick, besides=besides
     )

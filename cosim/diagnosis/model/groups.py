@@ -179,7 +179,10 @@ class Group:
                 block = self.block_of(effect.component)
                 here = registry.effect_on(effect.name, block)
                 if here is not None:
-                    found.append(scaled(effect.name, block, self.scale) if self.scale else here)
+                    here = scaled(effect.name, block, self.scale) if self.scale else here
+                    found.append(
+                        here.formed(here.form_of_place) if self.place and here.form_of_place else here
+                    )
         return tuple(found)
 
     def behind_lost_motion(self) -> tuple[str, ...]:
