@@ -1,9 +1,11 @@
 """Dry friction beside a component that nobody here knows: what an input gets, less what rubs against the motion it makes.
 
-    y = u - F;  F = v / (2 a h), within -level .. level
+    y = u - F;  F = e / (2 a h^2) + v / (2 a h), within -level .. level
 
-It stands before an input and reads an output of the same component, of which v is the speed. Near rest the friction of one
-step h takes half of the speed away, a being by how much the input accelerates it: no step turns the motion round.
+It stands before an input and reads an output of the same component, of which v is the speed. A bristle gives by the way e
+until it slips at the level (Prandtl, Dahl), so that what rubs stays where it is held. Bristle and damping are as stiff as
+steps of h allow, a being by how much the input accelerates: half of a speed near rest is left after a step, and half of the
+way.
 """
 
 import sys
@@ -30,6 +32,7 @@ class State(NamedTuple):
 
     y: Annotated[float, Variable("1", "Signal less the friction")]
     x: Annotated[float, Variable("1", "Place or speed at the last step")]
+    e: Annotated[float, Variable("1", "Way by which the bristle gives")]
 
 
 class Parameters(NamedTuple):
@@ -41,31 +44,35 @@ class Parameters(NamedTuple):
 
 
 class Coefficients(NamedTuple):
-    """The step, s, and the friction over the speed near rest."""
+    """The step, s, and the friction over the speed near rest and over the way."""
 
     h: float
     slope: float
+    stiffness: float
 
 
 @equation
 def start(u: Input, p: Parameters) -> State:
     """Nothing has moved yet."""
-    return State(u.u, u.x)
+    return State(u.u, u.x, 0.0)
 
 
 @equation
 def coefficients(p: Parameters, h: float) -> Coefficients:
-    """The slope that the step allows."""
-    return Coefficients(h, 0.5 / (p.acceleration * h))
+    """What the step allows."""
+    return Coefficients(h, 0.5 / (p.acceleration * h), 0.5 / (p.acceleration * h * h))
 
 
 @equation
 def step(x: State, u: Input, m: Any, p: Parameters, c: Coefficients) -> State:
-    """One step: the friction over it is that of the speed at its start."""
-    speed = u.x
+    """One step: the friction over it is that of the motion until its start."""
+    way = u.x * c.h
     if p.of_place > 0.5:
-        speed = (u.x - x.x) / c.h
-    return State(u.u - min(max(c.slope * speed, -p.level), p.level), u.x)
+        way = u.x - x.x
+    most = p.level / c.stiffness
+    e = min(max(x.e + way, -most), most)
+    force = min(max(c.stiffness * e + c.slope * way / c.h, -p.level), p.level)
+    return State(u.u - force, u.x, e)
 
 
 @equation

@@ -14,7 +14,7 @@ import numpy as np
 from cosim.anysystem.actions import Action
 from cosim.anysystem.missing import PIECE_SIZE
 from cosim.anysystem.model import GroupModel, Loop
-from cosim.anysystem.search import Candidate, Finding, Search
+from cosim.anysystem.search import NAMED, Candidate, Finding, Search
 from cosim.errors import SimulationError
 from cosim.ssp.read import read_fmu
 from cosim.ssp.system import Port, System, Wire
@@ -47,8 +47,9 @@ def rubs(search: Search, finding: Finding) -> Action | None:
             tried(search, base, action) for base in (search.known.null, *([chosen] if chosen.actions else []))
         ]
         nearest = max((c for c in tries if c is not None), key=lambda c: c.score, default=None)
-        # the noise is what the causes found have left: how much nearer the run comes tells more than the likelihood
-        if nearest and nearest.score > best.score and search.fits.nearer(chosen, nearest):
+        # where the noise is all that the causes found have left, how much nearer the run comes tells more
+        far = nearest and (nearest.score > chosen.score + NAMED or search.fits.nearer(chosen, nearest))
+        if nearest and far and nearest.score > best.score:
             best, found = nearest, action
         elif kept is None:
             del model.loops[where]
