@@ -173,7 +173,8 @@ CHANGING = ", changing with "  # of a law that is not the same everywhere
 
 _MISSING = re.compile(r"(?<=a missing )torque(?= that depends on)")
 
-_NAMED = "|".join(map(re.escape, sorted(QUANTITIES, key=len, reverse=True)))
+RATE = "_rate"  # of what changes in time
+_NAMED = "|".join((*map(re.escape, sorted(QUANTITIES, key=len, reverse=True)), rf"\w+{RATE}"))
 _DEPENDS = re.compile(rf"(?:(?<=that depends on )|(?<={CHANGING}))({_NAMED})(?= explains|,)")
 
 
@@ -242,6 +243,10 @@ def quantity(of: str) -> tuple[str, str, float]:
     if changing:
         text, unit, scale = quantity(driver)
         return f"{text}{changing}{quantity(by)[0]}", unit, scale
+    if of.endswith(RATE) and of not in QUANTITIES:
+        signal = of.removesuffix(RATE)
+        unit, scale = lexicon.signal(signal)
+        return f"how fast {the(signal)} changes", f"{unit}/s", scale
     text, si, unit = QUANTITIES.get(of, (of, "1", "1"))
     if lexicon.holds:
         si = ONE_RATE_ON.get(si, si)

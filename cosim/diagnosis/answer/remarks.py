@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.diagnosis.answer.lags import two_lags
 from cosim.diagnosis.answer.schema import (
     ITSELF,
     ONE_WAY,
@@ -18,7 +19,14 @@ from cosim.diagnosis.held_out.causes import Refused
 from cosim.diagnosis.model.machine import Machine
 from cosim.diagnosis.record.grid import Grid, Pieces
 from cosim.diagnosis.record.record import Record
-from cosim.diagnosis.thresholds import AS_WELL, AT_ZERO, FAR, FEWEST_ITSELF, HELD_LEVEL, UNCOMMANDED
+from cosim.diagnosis.thresholds import (
+    AS_WELL,
+    AT_ZERO,
+    FAR,
+    FEWEST_ITSELF,
+    HELD_LEVEL,
+    UNCOMMANDED,
+)
 from cosim.diagnosis.verdict.verdict import names_of, what_stands
 from cosim.errors import UsageError
 from cosim.inference.held_out import ratio_ci95
@@ -449,6 +457,7 @@ def advice(diagnosis: Diagnosis) -> list[str]:
     """How to record or map a log that tells more, and what it says in the numbers that the file states."""
     record, machine = diagnosis.record, diagnosis.machine
     more = no_sign(record, machine) + zero_of_speed(diagnosis) + at_supply(diagnosis) + at_once(diagnosis)
+    more += two_lags(diagnosis)
     # a demanded place has neither directions nor levels of a speed
     if any(group.place for group in machine.groups):
         return as_stated(diagnosis) + more
