@@ -67,8 +67,8 @@ class TextSource(Source):
 
     Args:
         path: the file.
-        separator: column separator; by default the one in the header (``;`` before tab before ``|`` before ``,``), or runs of
-            blanks where the numbers have these alone between them.
+        separator: column separator; by default the one in the header (``;`` before tab before ``|`` before ``,``), or runs
+            of blanks where the numbers have these alone between them.
         decimal: decimal sign; by default a point, or a comma where the cells show one.
         header: False for a file that starts with data; its columns are then named ``1``, ``2``, ...
         encoding: of the header; by default UTF-8, or Windows-1252 where it is none.

@@ -129,14 +129,16 @@ def test_an_event_smaller_than_what_is_left_everywhere_is_not_all_that_is_wrong(
 def test_a_line_that_stands_out_is_no_larger_than_what_is_left_around_its_frequency():
     """A soft actuator 2.6 deg off was said to ring by 0.54 deg at 9.92 Hz, where it read 0.003 deg.
 
-    So far one frequency rose above those beside it once the residual was white. A ripple of 0.3 rad/s was told as 4.1 before.
+    So far one frequency rose above those beside it once the residual was white. A ripple of 0.3 rad/s was told as 4.1.
     """
     interval, time = 0.02, 0.02 * np.arange(1500)
     slow = 20.0 * np.sin(2.0 * np.pi * 0.3 * time)
     ripple = 0.3 * np.sqrt(2.0) * np.sin(2.0 * np.pi * 5.65 * time)
     residual = (slow + ripple).reshape(5, 300)
     assert near(ripple.reshape(5, 300), interval, 5.65) == pytest.approx(0.3, rel=0.05)
-    assert near(residual, interval, 5.65) == pytest.approx(0.3, rel=0.05), "nothing of the slow one leaks there"
+    assert near(residual, interval, 5.65) == pytest.approx(0.3, rel=0.05), (
+        "nothing of the slow one leaks there"
+    )
     noise = np.random.default_rng(2).normal(size=(200, 301))
     share = (2.0**0.25 - 2.0**-0.25) * 8.0 / 25.0
     assert near(noise, interval, 8.0) == pytest.approx(np.sqrt(share), rel=0.05)

@@ -449,8 +449,8 @@ def local_tests(task: Task, signal: str, found: Fit) -> dict[str, Event]:
     rings = line(apart(white, event, interval, begin), interval)
     if rings.start > 0.0:  # no larger than what is left there
         size = rule.sigma * float(np.sqrt(max(rings.excess - 1.0, 0.0)))
-        own = rule.windows(found.residuals[signal])
-        rings = replace(rings, size=min(size, near(own, interval, rings.start)))
+        there = near(rule.windows(found.residuals[signal]), interval, rings.start)
+        rings = replace(rings, size=min(size, there))
     tests = {"event": placed_in_time(task, rule, event), "line": rings}
     if task.model.grid is None or task.model.grid.even:  # elsewhere bins differ in length
         own = found.residuals[signal], task.model.drive, task.predicted(found)[signal]
