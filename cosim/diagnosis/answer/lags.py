@@ -14,7 +14,7 @@ from scipy.optimize import least_squares
 from cosim.diagnosis.found import Diagnosis
 from cosim.diagnosis.record.record import Record
 from cosim.diagnosis.thresholds import AS_WELL, TWO_LAGS
-from cosim.diagnosis.verdict.verdict import what_stands
+from cosim.diagnosis.verdict.verdict import Rest, what_stands
 from cosim.inference.pieces import slope
 from cosim.lexicon import current
 
@@ -24,29 +24,25 @@ LAG_SAMPLES = 3000  # at most, that are fitted
 LAG_SPAN = 1e3  # how many times longer or shorter than the lag for both a lag may be
 
 
-def two_lags(diagnosis: Diagnosis) -> list[str]:
-    """The lags with which a pressure rises and falls, where what is missing depends on how fast it changes."""
-    found = []
-    for name, finding in diagnosis.findings.items():
-        group, fit, record = finding.task.model.group, what_stands(finding).fit, diagnosis.record
-        seen = group.observed[0]
-        lacks = f"a missing opening that depends on {seen}_rate "
-        if not any(r.block == name and r.what.startswith(lacks) for r in diagnosis.rests):
-            continue
-        T = fit.values.get(group.linear[1], finding.task.model.nominal(group.linear[1]))
-        reading = finding.task.measured[seen]
-        predicted = reading - fit.residuals[seen]
-        end = predicted + T * slope(predicted, record.time, record.cuts)
-        one, errs = fitted(record, reading, end, T, ways=1)
-        (up, down), errs_less = fitted(record, reading, end, one[0], ways=2)
-        if max(up, down) > TWO_LAGS * min(up, down) and errs > AS_WELL * errs_less:
-            unit, scale = current().signal(seen)
-            found.append(
-                f"{seen} rises with a lag of {up:.2g} s and falls with one of {down:.2g} s, as what is filled and emptied "
-                f"by different ways does; the model has one lag for both, and errs by {errs * scale:.2g} {unit} where "
-                f"these two would by {errs_less * scale:.2g} {unit}"
-            )
-    return found
+def two_lags(diagnosis: Diagnosis, rest: Rest) -> str:
+    """The lags with which a pressure rises and falls, where a missing opening depends on how fast it changes; else empty."""
+    finding, record = diagnosis.findings.get(rest.block), diagnosis.record
+    if finding is None or not rest.what.startswith(f"a missing opening that depends on {rest.signal}_rate "):
+        return ""
+    model, fit = finding.task.model, what_stands(finding).fit
+    T = fit.values.get(model.group.linear[1], model.nominal(model.group.linear[1]))
+    reading = finding.task.measured[rest.signal]
+    predicted = reading - fit.residuals[rest.signal]
+    end = predicted + T * slope(predicted, record.time, record.cuts)
+    one, errs = fitted(record, reading, end, T, ways=1)
+    (up, down), errs_less = fitted(record, reading, end, one[0], ways=2)
+    if max(up, down) < TWO_LAGS * min(up, down) or errs < AS_WELL * errs_less:
+        return ""
+    unit, scale = current().signal(rest.signal)
+    return (
+        f"{rest.signal} rises with a lag of {up:.2g} s and falls with one of {down:.2g} s, as what is filled and emptied by "
+        f"different ways does: one lag for both leaves {errs * scale:.2g} {unit}, two would leave {errs_less * scale:.2g}"
+    )
 
 
 def fitted(record: Record, reading: Array, end: Array, near: float, ways: int) -> tuple[list[float], float]:

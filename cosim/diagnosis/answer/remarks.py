@@ -7,7 +7,6 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.diagnosis.answer.lags import two_lags
 from cosim.diagnosis.answer.schema import (
     ITSELF,
     ONE_WAY,
@@ -457,7 +456,6 @@ def advice(diagnosis: Diagnosis) -> list[str]:
     """How to record or map a log that tells more, and what it says in the numbers that the file states."""
     record, machine = diagnosis.record, diagnosis.machine
     more = no_sign(record, machine) + zero_of_speed(diagnosis) + at_supply(diagnosis) + at_once(diagnosis)
-    more += two_lags(diagnosis)
     # a demanded place has neither directions nor levels of a speed
     if any(group.place for group in machine.groups):
         return as_stated(diagnosis) + more
