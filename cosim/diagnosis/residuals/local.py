@@ -184,6 +184,6 @@ def near(rows: Array, interval: float, frequency: float) -> float:
     power = np.abs(np.fft.rfft(own, axis=1)) ** 2
     power[:, 1 : (bins + 1) // 2] *= 2.0  # each but the first, and the last of an even number, stands for two
     at = np.fft.rfftfreq(bins, interval)
-    inside = np.abs(np.log2(np.maximum(at, 1e-300) / frequency)) <= 0.25
+    inside = 2.0 * np.abs(np.log2(np.maximum(at, 1e-300) / frequency)) <= 0.5
     inside[np.argmin(np.abs(at - frequency))] = True
     return float(np.sqrt(np.sum(power[:, inside]) / windows)) / bins
