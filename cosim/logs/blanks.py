@@ -13,7 +13,7 @@ from pathlib import Path
 from cosim.logs.window import Window
 
 BLANK = " "
-OTHERS = (";", "\t", ",")
+SIGNS = (";", "\t", "|", ",")  # that part columns, in the order they are looked for
 LOOKED_AT, LAST = 200, 12  # lines, of which the last ones are looked at: the first may be a title
 COMMENT = ("#", "%", "//")  # before the names, as numpy.savetxt and MATLAB write them, or before a remark
 _RUN, _EDGES = re.compile(rb"[ \t]+"), re.compile(rb"(?m)^\t|\t(?=\r?$)")
@@ -58,7 +58,7 @@ def parted(head: str, number: Callable[[str], bool]) -> bool:
     whole = sum(len(row) == width and numbers(row) for row in rows)
     if 2 * whole <= len(rows):  # a bad cell is named later
         return False
-    return not any(numbers(cells(lines[-1], sign)) for sign in OTHERS)
+    return not any(numbers(cells(lines[-1], sign)) for sign in SIGNS)
 
 
 def squeezed(path: Path, start: int, end: int) -> bytes:

@@ -123,7 +123,7 @@ def _factor(source: Source, label: Label, unit: str, si: str) -> float:
     try:
         return conversion(unit, si)
     except UsageError as error:
-        raw = raw_reading(si)
+        raw = raw_reading(si, unit)
         raise ColumnsError(f"{source.path}: column '{label.text}': {error}{raw} ({remedy(source)})") from None
 
 

@@ -15,6 +15,7 @@ A value is ``sign * gain * (reading - zero) + offset`` in `unit`; with `minus` t
 
 import os
 import tomllib
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -214,9 +215,8 @@ class Mapping(_Strict):
             if name in SIGNALS and column.unit is not None and not self.of_others:
                 target = SIGNALS[name].si
                 own = name == "u" and self.machine.get("command") == "place"
-                _convertible(
-                    column.unit, target, f"signal '{name}': ", OF_A_PLACE if own else raw_reading(target)
-                )
+                remedy = of_a_place(column.unit) if own else raw_reading(target, column.unit)
+                _convertible(column.unit, target, f"signal '{name}': ", remedy)
         return self
 
     @model_validator(mode="after")
@@ -267,20 +267,27 @@ def _convertible(unit: str, target: str | None, prefix: str = "", remedy: str = 
         raise ValueError(f"{prefix}{error}{remedy}") from None
 
 
-# what to write where the command is a place
-OF_A_PLACE = (
-    """; of a demanded place, write unit = "1" and say in [machine] what place a 1 is (speed = "1 rad")"""
-)
+# what shows the motion of another machine than the crane
+OTHER_MOTIONS = (("m", "travel"), ("m/s", "speed"), ("rad/s", "speed"))
 
 
-def raw_reading(target: str | None) -> str:
-    """What to write where a signal that is a share is read as a pulse, a voltage or counts."""
-    return (
-        """; of a raw reading, such as a voltage, write unit = "1" and gain = 1 over its value at full command, or, """
-        """without a gain, say under [machine] what one of it brings (speed = "25 rpm")"""
-        if target == "1"
-        else ""
-    )
+def of_a_place(unit: str) -> str:
+    """What to write where the command is a place, and was given in its unit."""
+    return f"""; of a demanded place, write unit = "1" and say in [machine] what place a 1 is (speed = "1 {unit}")"""
+
+
+def raw_reading(target: str, unit: str) -> str:
+    """What to write where a signal that is a share is read as a pulse, a voltage or counts, or an angle as a length."""
+    if target == "1":
+        return (
+            """; of a raw reading, such as a voltage, write unit = "1" and gain = 1 over its value at full command, or, """
+            """without a gain, say under [machine] what one of it brings (speed = "25 rpm")"""
+        )
+    for other, name in OTHER_MOTIONS if target == "rad" else ():
+        with suppress(UsageError):
+            conversion(unit, other)
+            return f"; beside a [machine] it is called '{name}'"
+    return ""
 
 
 def load_mapping(path: Path | str) -> Mapping:

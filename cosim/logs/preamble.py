@@ -23,12 +23,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from cosim.errors import UsageError
-from cosim.logs.blanks import cells
+from cosim.logs.blanks import SIGNS, cells
 from cosim.logs.source import Label, parse_label
 from cosim.units import parse_unit
 
 MOST_TITLES = 200  # lines in which the table must begin
-SEPARATORS = (";", "\t", ",")
 _LONGEST_UNIT = 12
 _UNIT_KEYS = ("unit", "units", "einheit", "einheiten", "unite", "unidad", "unita", "enhet")
 _NO_UNIT = ("", "-", "--", "1", "[]", "[-]")
@@ -69,7 +68,7 @@ def read_preamble(head: str, separator: str | None, number: Callable[[str], bool
         number: whether a cell holds a number, or says that one is missing.
     """
     lines = head.splitlines()[:MOST_TITLES]
-    for sign in SEPARATORS if separator is None else (separator,):
+    for sign in SIGNS if separator is None else (separator,):
         try:
             rows = [cells(line, sign) for line in lines]
         except csv.Error:

@@ -67,8 +67,8 @@ class TextSource(Source):
 
     Args:
         path: the file.
-        separator: column separator; by default the one in the header (``;`` before tab before ``,``), or runs of blanks
-            where the numbers have these alone between them.
+        separator: column separator; by default the one in the header (``;`` before tab before ``|`` before ``,``), or runs
+            of blanks where the numbers have these alone between them.
         decimal: decimal sign; by default a point, or a comma where the cells show one.
         header: False for a file that starts with data; its columns are then named ``1``, ``2``, ...
         encoding: of the header; by default UTF-8, or Windows-1252 where it is none.
@@ -101,7 +101,7 @@ class TextSource(Source):
             separator = blanks.BLANK
         if header and not first.startswith(controldesk.FIRST):
             above = read_preamble(head, separator, _may_be_value)
-        found = separator or next((sign for sign in (";", "\t") if sign in first), ",")
+        found = separator or next((sign for sign in blanks.SIGNS if sign in first), ",")
         self._separator = found if above is None else above.separator
         self._decimal = decimal
         self._squeezed: bytes | None = None
@@ -134,7 +134,7 @@ class TextSource(Source):
         if above is not None:
             cells = [label.text for label in above.labels]
             self._width = len(cells)
-        if header and cells and all(_is_number(cell, ".") or _is_number(cell, ",") for cell in cells):
+        if header and cells and above is None and self._begins_with_data(head, cells):
             raise HeadlessError(
                 f"{path}: row 1 holds numbers, not names: put a header such as 'time [s],slew [deg]' before it, or let "
                 f"'cosim init {typed(path)}' write a mapping in which columns go by their place"
@@ -183,6 +183,18 @@ class TextSource(Source):
             return False
         numbers = len(cells) > 1 and all(_may_be_number(cell.strip()) for cell in cells)
         return numbers and all(len(row) != len(cells) for row in names)
+
+    def _begins_with_data(self, head: str, cells: Sequence[str]) -> bool:
+        """Whether the first row is one of numbers: in all cells, or wherever the row below has one, beside remarks."""
+        first = [_is_number(cell, ".") or _is_number(cell, ",") for cell in map(str.strip, cells)]
+        if all(first) or not any(first):
+            return all(first)
+        lines = [line for line in head.splitlines()[self._survey.header_lines :] if line.strip()]
+        try:
+            below = blanks.cells(next(iter(lines), ""), self._separator)
+        except csv.Error:
+            return False
+        return [_is_number(cell, ".") or _is_number(cell, ",") for cell in map(str.strip, below)] == first
 
     def _of_stamps(self, head: str) -> frozenset[int]:
         """The columns whose first value is a time of day: they are read as seconds since then."""

@@ -15,6 +15,7 @@ from cosim.report.series import averaged, binned
 from cosim.report.words import (
     CAPTIONS,
     CHANGING,
+    at_start,
     axis,
     block_name,
     effect_name,
@@ -196,7 +197,7 @@ def free_form(block: str, signal: str, curve: Curve, key: str) -> Picture:
     ]
     return Picture(
         key,
-        f"{y_text.capitalize()} against {x_text} ({block_name(block)}, seen in the {signal_name(signal)})",
+        f"{at_start(y_text)} against {x_text} ({block_name(block)}, seen in the {signal_name(signal)})",
         axis(x_text, x_unit),
         [Panel(axis(y_text, y_unit), layers)],
         CAPTIONS["free_form"].format(driver=driver, gain=curve.gain),

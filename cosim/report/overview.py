@@ -12,7 +12,7 @@ from cosim.diagnosis.residuals.cross_validation import held_windows
 from cosim.report.material import BLOCK_EXTENDED, BLOCK_NOMINAL, EXTENDED, NOMINAL, Material, Noise, Part
 from cosim.report.picture import Layer, Panel, Picture, Role
 from cosim.report.series import MOST_BUCKETS, averaged, bucket, envelope
-from cosim.report.words import CAPTIONS, axis, block_name, by_error, effect_name, signal_name
+from cosim.report.words import CAPTIONS, at_start, axis, block_name, by_error, effect_name, signal_name
 
 Array = NDArray[np.float64]
 
@@ -97,7 +97,7 @@ def _signal(material: Material, signal: str, held: list[tuple[float, float]]) ->
     caption += f" {CAPTIONS['shaded']}" if held else ""
     return Picture(
         f"signal-{signal}",
-        f"{signal_name(signal).capitalize()}, driven by the command alone",
+        f"{at_start(signal_name(signal))}, driven by the command alone",
         axis("time", "s"),
         [Panel(axis(signal_name(signal), unit), top), Panel(axis("error", unit), spans + errors)],
         caption,

@@ -12,7 +12,7 @@ from cosim.report.material import Material
 from cosim.report.names import kind_of_motion
 from cosim.report.picture import Layer, Panel, Picture
 from cosim.report.series import binned, reversals
-from cosim.report.words import CAPTIONS, axis, effect_name, lacking, quantity, shows_speed
+from cosim.report.words import CAPTIONS, at_start, axis, effect_name, lacking, quantity, shows_speed
 from fmus import registry
 
 Array = NDArray[np.float64]
@@ -153,7 +153,7 @@ def over_speed(material: Material, cause: NamedCause) -> Picture:
     (text, unit, scale), (of, force, _) = quantity("omega"), lacking("torque")
     return _drawn(
         f"evidence-{cause.effect.replace('.', '-')}",
-        f"{of.capitalize()} against {text}: {effect_name(cause.effect)}",
+        f"{at_start(of)} against {text}: {effect_name(cause.effect)}",
         motion.omega * scale,
         motion.missing,
         (axis(text, unit), axis(of, force)),
@@ -171,7 +171,7 @@ def over_angle(material: Material, cause: NamedCause) -> Picture:
     (text, unit, scale), (of, force, _) = quantity("theta"), lacking("torque")
     return _drawn(
         f"evidence-{cause.effect.replace('.', '-')}",
-        f"{of.capitalize()} against {text}: {effect_name(cause.effect)}",
+        f"{at_start(of)} against {text}: {effect_name(cause.effect)}",
         motion.theta * scale,
         motion.missing,
         (axis(text, unit), axis(of, force)),

@@ -8,7 +8,7 @@ from cosim.report.material import BLOCK_EXTENDED, Material
 from cosim.report.picture import Layer, Panel, Picture
 from cosim.report.series import binned, steady, steps_of
 from cosim.report.torque import points
-from cosim.report.words import CAPTIONS, axis, effect_name, signal_name
+from cosim.report.words import CAPTIONS, at_start, axis, effect_name, signal_name
 
 Array = NDArray[np.float64]
 
@@ -161,7 +161,7 @@ def step_response(material: Material, cause: NamedCause, signal: str = "spool") 
     unit, scale = shown(signal)
     measured = material.measured[signal]
     rows, x, title, label = span_of(material, extended - without)
-    title = f"{signal_name(signal).capitalize()} {title}"
+    title = f"{at_start(signal_name(signal))} {title}"
     count = rows.shape[0]
     means = {"measured": measured[rows], "nominal": without[rows], "extended": extended[rows]}
     names = {

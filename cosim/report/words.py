@@ -163,7 +163,7 @@ def with_signals(text: str) -> str:
     return _SIGNAL.sub(
         lambda found: signal_name(found[1]),
         _DEPENDS.sub(
-            lambda found: quantity(found[1])[0],
+            lambda found: f"{'the ' if _RATE.fullmatch(found[1]) else ''}{quantity(found[1])[0]}",
             _MISSING.sub(lambda lacking: kind_of_motion(lacking[0]), text),
         ),
     )
@@ -173,7 +173,9 @@ CHANGING = ", changing with "  # of a law that is not the same everywhere
 
 _MISSING = re.compile(r"(?<=a missing )torque(?= that depends on)")
 
-_NAMED = "|".join(map(re.escape, sorted(QUANTITIES, key=len, reverse=True)))
+RATE = "_rate"  # of what changes in time
+_RATE = re.compile(rf"(?!(?:{'|'.join(map(re.escape, QUANTITIES))})$)\w+{RATE}")
+_NAMED = "|".join((*map(re.escape, sorted(QUANTITIES, key=len, reverse=True)), _RATE.pattern))
 _DEPENDS = re.compile(rf"(?:(?<=that depends on )|(?<={CHANGING}))({_NAMED})(?= explains|,)")
 
 
@@ -196,6 +198,11 @@ def few(text: str, most: int = 5) -> str:
 def fit_text(percent: float) -> str:
     """A best fit in percent, without a minus sign before a zero."""
     return "unknown" if not math.isfinite(percent) else f"{percent if abs(percent) >= 0.05 else 0.0:.1f} %"
+
+
+def at_start(text: str) -> str:
+    """A text at the start of a title: no more than its first letter changes, for a port is called A."""
+    return text[:1].upper() + text[1:]
 
 
 def signal_name(signal: str) -> str:
@@ -242,6 +249,11 @@ def quantity(of: str) -> tuple[str, str, float]:
     if changing:
         text, unit, scale = quantity(driver)
         return f"{text}{changing}{quantity(by)[0]}", unit, scale
+    if of not in QUANTITIES and (signal := of.removesuffix(RATE)) in (*lexicon.signals, *SIGNAL_NAMES):
+        unit, scale = lexicon.signal(signal)
+        if of == signal:
+            return signal_name(signal), unit, scale
+        return f"rate of change of {the(signal)}", f"{unit}/s", scale
     text, si, unit = QUANTITIES.get(of, (of, "1", "1"))
     if lexicon.holds:
         si = ONE_RATE_ON.get(si, si)

@@ -440,7 +440,7 @@ GROUP = SimpleNamespace(name="mechanical")
 
 def fitted(**slopes: float) -> dict[str, object]:
     """A finding of the group whose fit has such a slope along each parameter."""
-    fit_ = SimpleNamespace(values=slopes, slopes=np.array([list(slopes.values())]), count=1)
+    fit_ = SimpleNamespace(values=slopes, slopes=np.array([list(slopes.values())]), count=1, deviations={})
     return {GROUP.name: SimpleNamespace(chosen=SimpleNamespace(fit=fit_))}
 
 
@@ -475,9 +475,35 @@ def test_a_cause_whose_size_may_be_none_goes(
         deviations=deviations,
         correlations={("mechanical.tau_c", "mechanical.tau_s"): correlation},
         findings=fitted(),
+        between={},
     )
     model = SimpleNamespace(nominal=lambda name: 0.0, group=GROUP)
     assert least_sure(found, [STRIBECK, DELAY], model) == named  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("windows", "between", "kept"), [(0.1, False, True), (0.6, False, False), (0.6, True, True)]
+)
+def test_the_interval_that_is_told_decides_whether_a_size_may_be_none(
+    windows: float, between: bool, kept: bool
+) -> None:
+    """A soft arm's valve: a shifted neutral of "4 % of full command, -6 to 14" was named; the whole's own was 2.5 to 6.4.
+
+    Of several logs the interval between them is told, and that has been asked already.
+    """
+    offset = registry.effects()["dcv.offset"]
+    findings = fitted(**{"dcv.x_0": 1e-3})
+    findings["dcv"] = findings.pop(GROUP.name)
+    findings["dcv"].chosen.fit.deviations["dcv.x_0"] = windows  # type: ignore[attr-defined]
+    found = SimpleNamespace(
+        values={"dcv.x_0": 0.9},
+        deviations={"dcv.x_0": 0.1},
+        correlations={},
+        findings=findings,
+        between={"dcv.x_0": None} if between else {},
+    )
+    model = SimpleNamespace(nominal=lambda name: 0.0, group=SimpleNamespace(name="dcv"))
+    assert (least_sure(found, [offset], model) == []) == kept  # type: ignore[arg-type]
 
 
 def test_a_size_beyond_which_nothing_changes_is_not_held_against_its_cause() -> None:
@@ -487,7 +513,9 @@ def test_a_size_beyond_which_nothing_changes_is_not_held_against_its_cause() -> 
     sizes = {"mechanical.tau_c": 300.0}, {"mechanical.tau_c": 150.0}
     for slope, named in ((0.0, []), (1e-3, [level])):
         findings = fitted(**{"mechanical.tau_c": slope})
-        found = SimpleNamespace(values=sizes[0], deviations=sizes[1], correlations={}, findings=findings)
+        found = SimpleNamespace(
+            values=sizes[0], deviations=sizes[1], correlations={}, findings=findings, between={}
+        )
         assert least_sure(found, [level], model) == named  # type: ignore[arg-type]
 
 
@@ -498,7 +526,9 @@ def test_what_ended_at_its_off_values_is_no_cause() -> None:
     for farthest, named in ((1e9, [STOP]), (0.3, [])):
         values = ends | {"mechanical.theta_max": farthest}
         deviations = dict.fromkeys(ends, 1e-3)
-        found = SimpleNamespace(values=values, deviations=deviations, correlations={}, findings=fitted())
+        found = SimpleNamespace(
+            values=values, deviations=deviations, correlations={}, findings=fitted(), between={}
+        )
         assert least_sure(found, [STOP], model) == named  # type: ignore[arg-type]
 
 
@@ -512,6 +542,7 @@ def test_a_limit_that_the_whole_log_meets_is_no_less_sure_for_windows_that_do_no
         correlations={},
         # the other end, out of reach in both, is where the windows' slopes say something by chance
         findings=fitted(**{"mechanical.theta_max": 0.0, "mechanical.theta_min": 1e-3}),
+        between={},
     )
     assert least_sure(found, [STOP], model) == []  # type: ignore[arg-type]
 

@@ -24,6 +24,38 @@ def test_a_table_parted_by_blanks_is_the_same_log(load, write, mark):
     np.testing.assert_array_equal(log["slew"], plain["slew"])
 
 
+def test_a_table_parted_by_bars_is_the_same_log(load, write):
+    """As loggers write it that show the table as well: numbers padded with blanks, and a bar at the end of each line."""
+    plain = load(rows())
+    barred = "".join(line.replace(",", "  |") + "|\n" for line in [HEADER.strip(), *rows()])
+    log = load_log(write(barred, "barred.txt"))
+    np.testing.assert_array_equal(log.time, plain.time)
+    np.testing.assert_array_equal(log["slew"], plain["slew"])
+
+
+def test_without_names_a_table_parted_by_bars_goes_by_the_place_of_its_columns(write):
+    text = "".join(f"{0.01 * k:g}|{k % 5}.   |{0.5 * k:g}|\n" for k in range(60))
+    found = overview(write(text, "barred.txt"))
+    assert not found.header
+    assert found.columns[1].label.text == "2"
+    np.testing.assert_allclose(found.columns[2].values, 0.5 * np.arange(60))
+
+
+def test_a_first_row_of_numbers_beside_a_remark_names_no_columns(write):
+    """A log of 42 columns without names ended in a place, `0 0 0.07`: its first row was taken for their names."""
+    text = "".join(f"{0.04 * k:.2f};{k * k};{3 * k};{k} 0 0.07\n" for k in range(60))
+    found = overview(write(text, "place.txt"))
+    assert not found.header
+    assert [c.label.text for c in found.columns] == ["1", "2", "3", "4"]
+
+
+@pytest.mark.parametrize("header", ["time;0;1;2", ";1;2;3", "t;2020;2021;note"])
+def test_a_row_of_names_may_hold_numbers(write, header):
+    cells = header.count("note")
+    text = header + "\n" + "".join(f"{k};{2 * k};{k + 1};{'ok' if cells else k}\n" for k in range(60))
+    assert overview(write(text, "named.csv")).header
+
+
 def test_a_bad_cell_between_blanks_is_named_with_its_row(write):
     text = aligned(HEADER + "\n".join(rows()) + "\n").replace(f"{0.5 * 7:g}\n", "x7\n")
     with pytest.raises(DataError, match=r"row 9, column 'slew \[deg\]': 'x7' is not a number"):

@@ -347,9 +347,24 @@ def test_a_target_in_the_unit_of_the_place_needs_no_other_word_and_need_not_be_r
     assert 'speed = "0.5 rad"' in mapping_text(overview(file), found, None)
 
 
-def test_a_demanded_place_in_its_own_unit_is_answered_with_what_to_write(tmp_path):
+@pytest.mark.parametrize("unit", ["rad", "cm"])
+def test_a_demanded_place_in_its_own_unit_is_answered_with_what_to_write(tmp_path, unit):
     mapping = tmp_path / "servo.toml"
-    text = PLAIN.replace('column = "u", unit = "1"', 'column = "u", unit = "rad"').replace(', "sensor"', "")
+    text = PLAIN.replace('column = "u", unit = "1"', f'column = "u", unit = "{unit}"').replace(
+        ', "sensor"', ""
+    )
     mapping.write_text(text + 'command = "place"\n', encoding="utf-8")
-    with pytest.raises(DataError, match=r'of a demanded place, write unit = "1" .* 1 is \(speed = "1 rad"\)'):
+    said = rf'of a demanded place, write unit = "1" .* 1 is \(speed = "1 {unit}"\)'
+    with pytest.raises(DataError, match=said):
+        load_mapping(mapping)
+
+
+@pytest.mark.parametrize(("unit", "name"), [("cm", "travel"), ("mm/s", "speed"), ("rpm", "speed")])
+def test_a_length_or_a_speed_taken_for_the_angle_is_answered_with_the_signal_s_name(tmp_path, unit, name):
+    mapping = tmp_path / "axis.toml"
+    mapping.write_text(
+        f'name = "x"\ntime = {{column = "t", unit = "s"}}\nsignals.slew = {{column = "y", unit = "{unit}"}}\n',
+        encoding="utf-8",
+    )
+    with pytest.raises(DataError, match=f"expected one like 'rad'; beside a .machine. it is called '{name}'"):
         load_mapping(mapping)

@@ -8,6 +8,7 @@ import numpy as np
 
 from cosim.compare.metrics import fit_percent, rms
 from cosim.diagnosis.answer.experiment import Proposal
+from cosim.diagnosis.answer.lags import two_lags
 from cosim.diagnosis.answer.remarks import (
     advice,
     files,
@@ -389,14 +390,15 @@ def linear_blocks(diagnosis: Diagnosis) -> dict[str, LinearReference]:
 
 
 def unexplained(diagnosis: Diagnosis) -> list[Unexplained]:
-    """What stays unexplained, in display units."""
+    """What stays unexplained, in display units; what lags of their own explain comes first."""
+    lags = {id(rest): two_lags(diagnosis, rest) for rest in diagnosis.rests}
     found = []
-    for rest in diagnosis.rests:
+    for rest in sorted(diagnosis.rests, key=lambda rest: not lags[id(rest)]):
         unit, scale = shown(rest.signal)
         found.append(
             Unexplained(
                 block=rest.block,
-                what=rest.what,
+                what=lags[id(rest)] or rest.what,
                 residual_rms=rest.leftover.rms * scale,
                 unit=unit,
                 span=rest.span,

@@ -36,7 +36,7 @@ from cosim.diagnosis.record.grid import Pieces
 from cosim.diagnosis.record.record import Record
 from cosim.diagnosis.record.signatures import Signature, signatures
 from cosim.diagnosis.residuals.finding import Finding, lacking, learn_noise, leftovers, relearned
-from cosim.diagnosis.residuals.local import Event, apart, burst, line
+from cosim.diagnosis.residuals.local import Event, apart, burst, line, near
 from cosim.diagnosis.residuals.slow_oscillation import slow_oscillation
 from cosim.diagnosis.thresholds import (
     BEYOND_TRUST,
@@ -446,10 +446,12 @@ def local_tests(task: Task, signal: str, found: Fit) -> dict[str, Event]:
     interval, begin = rule.bins * task.model.h, rule.skip * task.model.h
     event = burst(white, interval, begin)
     # what happened once may ring as well: a line is what all the rest has
-    tests = {
-        "event": placed_in_time(task, rule, event),
-        "line": line(apart(white, event, interval, begin), interval),
-    }
+    rings = line(apart(white, event, interval, begin), interval)
+    if rings.start > 0.0:  # no larger than what is left there
+        size = rule.sigma * float(np.sqrt(max(rings.excess - 1.0, 0.0)))
+        there = near(rule.windows(found.residuals[signal]), interval, rings.start)
+        rings = replace(rings, size=min(size, there))
+    tests = {"event": placed_in_time(task, rule, event), "line": rings}
     if task.model.grid is None or task.model.grid.even:  # elsewhere bins differ in length
         own = found.residuals[signal], task.model.drive, task.predicted(found)[signal]
         left, *motions = (rule.windows(values) for values in own)

@@ -566,7 +566,9 @@ def share_of_sure(found: Diagnosis, effect: Effect, model: GroupModel) -> float:
         return np.inf
     pairs = found.correlations
     together = [[pairs.get((a, b), pairs.get((b, a), float(a == b))) for b in names] for a in names]
-    away = np.array([sizes[n] / found.deviations[n] for n in names])
+    # by the interval that is told, the wider of the windows' and the whole's: else that of a named cause may hold none
+    windows = {n: fit_.deviations.get(n, 0.0) for n in names if n not in met and n not in found.between}
+    away = np.array([sizes[n] / max(found.deviations[n], windows.get(n, 0.0)) for n in names])
     return wald(away, np.array(together)) / sure_from(len(names))
 
 

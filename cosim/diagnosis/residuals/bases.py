@@ -62,7 +62,8 @@ def pressure_bases(
     """A missing opening, through the first order (4.33), and a missing supply pressure."""
     h, drive, seen = record.h, group.drive, group.observed[0]
     K_c, T = (values[name] for name in group.linear)
-    drivers = {seen: predicted[seen]}
+    # of how fast it changes: a vessel that is filled and emptied by ways of their own rises and falls in times of their own
+    drivers = {seen: predicted[seen], f"{seen}_rate": slope(predicted[seen], h, record.cuts)}
     if not group.commanded:
         spool = record.smooth(drive, 20.0)
         drivers |= {drive: spool, f"{drive}_rate": record.rate(drive, 10.0)}

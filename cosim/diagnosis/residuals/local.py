@@ -171,3 +171,19 @@ def line(white: Array, interval: float) -> Event:
     frequency = (at + 1) / (bins * interval)
     gain = windows * (ratio[at] - 1.0 - float(np.log(max(ratio[at], 1e-300))))
     return Event(min(1.0, one * power.size), float(gain), float(ratio[at]), frequency, frequency)
+
+
+def near(rows: Array, interval: float, frequency: float) -> float:
+    """RMS of residuals (windows, bins) around one frequency, half an octave wide, in their unit.
+
+    Of white values a line rises above those beside it however little of the residual has that frequency.
+    """
+    windows, bins = rows.shape
+    taper = np.sin(np.pi * (np.arange(bins) + 0.5) / bins) ** 2  # what is slow and large does not leak there
+    own = (rows - rows.mean(axis=1, keepdims=True)) * taper / np.sqrt(np.mean(taper**2))
+    power = np.abs(np.fft.rfft(own, axis=1)) ** 2
+    power[:, 1 : (bins + 1) // 2] *= 2.0  # each but the first, and the last of an even number, stands for two
+    at = np.fft.rfftfreq(bins, interval)
+    inside = 2.0 * np.abs(np.log2(np.maximum(at, 1e-300) / frequency)) <= 0.5
+    inside[np.argmin(np.abs(at - frequency))] = True
+    return float(np.sqrt(np.sum(power[:, inside]) / windows)) / bins

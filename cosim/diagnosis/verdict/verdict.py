@@ -142,10 +142,7 @@ def size_of(finding: Finding, signal: str, event: Event) -> float:
     """Size of what stands out, beyond the noise around it, in the signal's unit."""
     if event.size > 0.0:
         return event.size
-    size = finding.task.rules[signal].sigma * float(np.sqrt(max(event.excess - 1.0, 0.0)))
-    # by how much one frequency exceeds those beside it says nothing of how wide it is: it is no more than all that is left
-    lasting = event.start == event.end
-    return min(size, rms(np.concatenate(after_start(finding, signal)))) if lasting else size
+    return finding.task.rules[signal].sigma * float(np.sqrt(max(event.excess - 1.0, 0.0)))
 
 
 def after_start(finding: Finding, signal: str) -> list[Array]:
@@ -300,8 +297,8 @@ def rests(finding: Finding, tolerance: float = NOMINAL_TRUST) -> list[Rest]:
         left = after if standing else finding.before[signal]
         best, gain = next(iter(left.by_signal.items()), ("", 0.0))
         at_once = local_rests(finding, signal)
-        # against the noise a small event may weigh more than all that is left, but it is not all that is wrong
-        leads = [r for r in at_once if r.leftover.gain > gain and not (r.span and r.leftover.rms < left.rms)]
+        # against the noise what is small may weigh more than all that is left, but it is not all that is wrong
+        leads = [r for r in at_once if r.leftover.gain > gain and r.leftover.rms >= left.rms]
         if notable(finding, signal, left) and not leads:
             share = gain / max(left.gain, 1e-300)
             what, _, of = best.partition("(")
