@@ -170,10 +170,13 @@ class Decisions(Stage):
         # parameters that are no causes, being as they are trusted to be, but not nominal
         trusted: list[Action] = []
         if best.actions and not self.budget.over:
+            found = best
             best = self.fits.elsewhere(best)
             fine = self.fits.fit(best.actions, best.fit.values, 10, DIFFERENCE * FINE)
             if fine is not None and fine.log_likelihood >= best.fit.log_likelihood - 1.0:
                 best = self.fits.scored(Candidate(best.actions, fine, best.price))
+            if self.fits.drifts(found, best):
+                best = self.fits.scored(found)
             best = self.rivals.at_outputs(best, singles)
         best, judged = self._held_out(best, null)
         between = self._between(best)
@@ -334,6 +337,8 @@ class Decisions(Stage):
             plain = self.known.at(best.fit.values)
         fit = max((f for f in fits if f is not None), key=lambda f: f.log_likelihood, default=None)
         if fit is None or (fit.log_likelihood < plain + 1.0 and not followed):
+            return beside
+        if self.fits.drifts(best, Candidate(best.actions, fit, best.price)):
             return beside
         return {u.name.partition("|")[2]: (fit.values[u.name], fit.deviation(u.name)) for u in unknowns}
 
