@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from cosim.anysystem.answer import column_scale, driver_unit, entry_of, judged_signals, unit_at
+from cosim.anysystem.extend import loop_of
 from cosim.anysystem.model import place as placed
 from cosim.anysystem.pipeline import AnyDiagnosis
 from cosim.anysystem.search import errors, extended
@@ -35,7 +36,7 @@ TEXTS = {
     "port.quantisation": "The reading comes in steps.",
     "port.dropout": "Samples of the reading are stale.",
     "port.drift": "The reading drifts.",
-    "port.friction": "Dry friction takes its level off the signal, against the motion that an output shows.",
+    "port.friction": "Dry friction takes its level off the signal, against the motion.",
 }
 
 
@@ -91,7 +92,8 @@ def write_page(found: AnyDiagnosis, answer: Answer, folder: Path) -> Path | None
                 "cause": cause,
                 "title": place(cause),
                 "how": f"it sits at {cause.component}.{cause.connector}"
-                + (f" ({cause.where})" if cause.where else ""),
+                + (f" ({cause.where})" if cause.where else "")
+                + (f", against the motion of {loop.moved}" if (loop := loop_of(found, *where)) else ""),
                 "text": TEXTS.get(cause.effect, ""),
                 "looks": "",
                 "source": "",
@@ -99,7 +101,7 @@ def write_page(found: AnyDiagnosis, answer: Answer, folder: Path) -> Path | None
                 "pictures": [],
                 "toggle": "",
             }
-            for cause in answer.causes
+            for where, cause in zip(found.causes(), answer.causes, strict=True)
         ],
         "rests": [{"rest": rest, "pictures": p} for rest, p in zip(answer.unexplained, lost, strict=True)],
         "command": [],

@@ -74,6 +74,7 @@ def test_dry_friction_is_named_and_in_the_package(axis: tuple[Path, Path], comma
     assert gain["rmse_after"] < 0.1 * gain["rmse_before"]
     page = (tmp_path / "out" / "report.html").read_text()
     assert "Dry friction takes its level off the signal" in page
+    assert "at plant.u (input), against the motion of plant.y" in page
 
     # the package has it in a loop, in both kinds of code, and is right at a finer step too
     table = np.loadtxt(log, delimiter=",", skiprows=1)
