@@ -7,6 +7,7 @@ dear, and no superposition spares one.
 
 import tempfile
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -35,7 +36,7 @@ def rubs(search: Search, finding: Finding) -> Action | None:
         search: the group's, as it has ended.
         finding: what it found.
     """
-    model, chosen = search.model, search.fits.scored(finding.chosen)
+    model, chosen = search.model, search.fits.scored(replace(finding.chosen))
     best, found = chosen, None
     for action, loop in places(model):
         if search.budget.over:

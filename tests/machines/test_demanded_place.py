@@ -12,6 +12,7 @@ from cosim.diagnosis.answer import remarks
 from cosim.diagnosis.answer.answer import answer
 from cosim.diagnosis.answer.curve import curve_of
 from cosim.diagnosis.answer.remarks import at_once, itself
+from cosim.diagnosis.fitting.paced import seen_speeds
 from cosim.diagnosis.model.choice import machine_of
 from cosim.diagnosis.pipeline.diagnose import diagnose, prepare
 from cosim.diagnosis.record.record import joined
@@ -198,6 +199,15 @@ def test_each_direction_has_a_fastest_rate_of_its_own(tmp_path):
         assert set(cause.top_speed) == {"v_max", "r_v"}
         how = in_own_words(cause, Material(told, 0.0, {}, {}))[1]
         assert "one way and" in how
+
+
+def test_speeds_are_seen_each_way_and_not_across_a_seam():
+    t = STEP * np.arange(400)
+    one = np.interp(t, [0.0, 1.0, 3.0, 4.0], [0.0, 2.0, 0.0, 0.0])
+    noise = np.random.default_rng(1).normal(0.0, 2e-3, 2 * t.size)
+    two = np.concatenate([one, one + 50.0]) + noise
+    assert seen_speeds(two, STEP, (t.size,)) == (pytest.approx(2.0, rel=0.1), pytest.approx(1.0, rel=0.1))
+    assert seen_speeds(np.zeros(100), STEP, ()) == (0.0, 0.0)
 
 
 def test_its_delay_is_named_in_words_of_a_place(loaded):

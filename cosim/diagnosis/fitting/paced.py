@@ -7,10 +7,13 @@ slowly as well. So the search begins, too, with a drive that follows at once, an
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cosim.diagnosis.fitting.fit import Task
 from cosim.inference.pieces import slope
 from fmus.contract import Effect
+
+Array = NDArray[np.float64]
 
 HARDLY_LATE = 0.05  # times the inertia that the model is said to have
 SEEN = 0.97  # quantile of the speeds of a direction: as fast as the drive moves for some time
@@ -45,13 +48,19 @@ def paced(task: Task, effect: Effect, values: Mapping[str, float]) -> dict[str, 
     return fast | {f"{effect.component}.{n}": v for n, v in {limits[0]: there / to_place, **both}.items()}
 
 
-def seen_speeds(place: np.ndarray, h: float, cuts: tuple[int, ...]) -> tuple[float, float]:
+def seen_speeds(place: Array, h: float, cuts: tuple[int, ...]) -> tuple[float, float]:
     """How fast a place (n,) moves up and down for some time, per s, both as magnitudes; its pieces begin at the cuts."""
     quick = np.quantile(np.abs(slope(place, h, cuts)), SEEN)
     if not quick > 0.0:
         return 0.0, 0.0
-    far = max(1, round(CROSSED * float(np.ptp(place)) / (quick * h)))
-    pieces = [p for p in np.split(place, list(cuts)) if p.size > far]
+    logs = np.split(place, list(cuts))
+    far = max(1, round(CROSSED * max(float(np.ptp(log)) for log in logs) / (quick * h)))
+    pieces = [log for log in logs if log.size > far]
     speed = np.concatenate([(p[far:] - p[:-far]) / (far * h) for p in pieces]) if pieces else np.zeros(1)
-    up, down = speed[speed > 0.0], -speed[speed < 0.0]
-    return tuple(float(np.quantile(s, SEEN)) if s.size else 0.0 for s in (up, down))  # type: ignore[return-value]
+    return lasting(speed), lasting(-speed)
+
+
+def lasting(speed: Array) -> float:
+    """As fast as the positive ones of some speeds are for some time; 0 where there are none."""
+    forwards = speed[speed > 0.0]
+    return float(np.quantile(forwards, SEEN)) if forwards.size else 0.0
