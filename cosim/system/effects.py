@@ -125,7 +125,7 @@ def dropout(x: Array, h: float, v: Mapping[str, float]) -> Array:
 
 
 def friction(x: Array, h: float, v: Mapping[str, float]) -> Array:
-    """Less what rubs: y = x - F, F = slope times speed within -level .. level, the speed being that of an output."""
+    """Less what rubs against the motion that follows (`fmus.port_friction`), of which a series alone knows nothing."""
     return x
 
 

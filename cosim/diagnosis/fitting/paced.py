@@ -44,7 +44,7 @@ def paced(task: Task, effect: Effect, values: Mapping[str, float]) -> dict[str, 
     there, back = seen_speeds(task.measured[place], model.h, model.cuts)
     if not (there > 0.0 and back > 0.0):
         return {}
-    both = {"r_v": back / there} if "r_v" in effect.free else {}
+    both = {effect.form_of_place: back / there} if effect.form_of_place in effect.free else {}
     return fast | {f"{effect.component}.{n}": v for n, v in {limits[0]: there / to_place, **both}.items()}
 
 
