@@ -49,12 +49,16 @@ class Parameters(NamedTuple):
 
 
 class Coefficients(NamedTuple):
-    """PL1 = decay PL0 + gain (old opening0 + new opening1)."""
+    """PL1 = decay PL0 + old opening0 + new opening1, of a load pressure that rises and of one that falls."""
 
     h: float
+    gain: float
     decay: float
     old: float
     new: float
+    decay_falling: float
+    old_falling: float
+    new_falling: float
 
 
 @slot("chain")
@@ -72,6 +76,12 @@ def static_gain(K_c: float, p: Parameters) -> float:
 @slot("chain")
 def time_constant(T: float, p: Parameters) -> float:
     """Time constant, s; effects such as leakage and compressibility act here."""
+    return T
+
+
+@slot("chain")
+def falling_time_constant(T: float, p: Parameters) -> float:
+    """Time constant of a load pressure that falls, s, from that of one that rises."""
     return T
 
 
@@ -102,19 +112,33 @@ def start(u: Input, p: Parameters) -> State:
 @equation
 def coefficients(p: Parameters, h: float) -> Coefficients:
     """Exact first-order response to a ramp over the step h, s."""
-    decay, phi1, _, _ = phi_functions(h / time_constant(p.T, p))
+    T = time_constant(p.T, p)
     gain = static_gain(p.K_c, p)
-    return Coefficients(h, decay, gain * (phi1 - decay), gain * (1.0 - phi1))
+    up, up1, _, _ = phi_functions(h / T)
+    down, down1, _, _ = phi_functions(h / falling_time_constant(T, p))
+    return Coefficients(
+        h,
+        gain,
+        up,
+        gain * (up1 - up),
+        gain * (1.0 - up1),
+        down,
+        gain * (down1 - down),
+        gain * (1.0 - down1),
+    )
 
 
 @equation
 def step(x: State, u: Input, m: NoMemory, p: Parameters, c: Coefficients) -> State:
     """(4.33) over one step of length c.h."""
     wanted = opening(u.spool, m, p)
-    so_far = c.decay * x.p_load + c.old * x.opening
-    ahead = so_far + c.new * (wanted - lost_opening(x.p_load, p))
-    q = wanted - lost_opening(ahead, p)
-    return State(so_far + c.new * q, q)
+    q = wanted - lost_opening(x.p_load, p)
+    decay, old, new = c.decay, c.old, c.new
+    if x.p_load > 0.5 * c.gain * (x.opening + q):
+        decay, old, new = c.decay_falling, c.old_falling, c.new_falling
+    so_far = decay * x.p_load + old * x.opening
+    q = wanted - lost_opening(so_far + new * q, p)
+    return State(so_far + new * q, q)
 
 
 @equation

@@ -252,6 +252,7 @@ class Effect:
         helpers: further equations that these call.
         asked: the diagnosis considers it only where a mapping file asks for it.
         alone: without being asked, only where its block is judged by itself: among others its law is not told from theirs.
+        ends: without being asked, only where its block is the last with dynamics before what is measured.
         repeats: its law repeats within a small part of the travel: without being asked, only where a place is measured.
         bends: it bends the static curve of the drive, or ends its travel: such effects are sought together.
         sole_form: its law can have no other form (an offset, a factor, an inertia): what it leaves is none of its own.
@@ -280,6 +281,7 @@ class Effect:
     helpers: tuple[Callable[..., Any], ...] = ()
     asked: bool = False
     alone: bool = False
+    ends: bool = False
     repeats: bool = False
     bends: bool = False
     sole_form: bool = False

@@ -94,6 +94,7 @@ RANGES: dict[str, Ranges] = {
     "continuity.flow_asymmetry": Ranges({"a_q": Drawn((0.01, 0.02), (0.05, 0.12), (0.18, 0.3), signs=BOTH)}),
     "continuity.leakage": Ranges({"c_l": Drawn((0.05, 0.08), (0.12, 0.25), (0.35, 0.7))}),
     "continuity.compressibility": Ranges({"c_beta": Drawn((0.05, 0.1), (0.2, 0.5), (0.7, 1.5))}),
+    "continuity.lag_asymmetry": Ranges({"r_T": Drawn((0.08, 0.15), (0.3, 0.7), (1.0, 2.0))}),
     "continuity.supply_sag": Ranges(
         {"k_s": Drawn((0.05e9, 0.15e9), (0.5e9, 1.5e9), (2e9, 3.5e9))}, {"tau_s": (0.05, 0.4)}
     ),

@@ -53,6 +53,7 @@ FLAWS: dict[str, Flaw] = {
     "continuity.flow_asymmetry": Flaw({"a_q": (0.04, 0.25, "+-")}),
     "continuity.leakage": Flaw({"c_l": (0.1, 0.6)}, ({"p_turb": (2e5, 20e5)},)),
     "continuity.compressibility": Flaw({"c_beta": (0.15, 1.2)}, ({"p_air": (3e5, 20e5)},)),
+    "continuity.lag_asymmetry": Flaw({"r_T": (1.3, 3.0)}),
     "continuity.supply_sag": Flaw({"k_s": (0.4e9, 3e9), "tau_s": (0.05, 0.4)}, ({"supply": 1}, {"supply": 2})),
     "continuity.cracking_pressure": Flaw({"p_c": (0.3e5, 2.5e5)}, ({"s_c": (0.2, 1.0)},)),
     "mechanical.coulomb_friction": Flaw({"tau_c": (30.0, 250.0)}, FRICTION),

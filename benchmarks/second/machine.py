@@ -54,6 +54,7 @@ class Machine(NamedTuple):
     p_turb: float = 0.0
     c_beta: float = 0.0
     p_air: float = 0.0
+    r_T: float = 1.0
     k_s: float = 0.0
     tau_s: float = 0.1
     supply: int = 0
@@ -156,6 +157,8 @@ def pressure_step(
         air /= 1.0 + abs(p) / m.p_air
     time = m.T * (1.0 + air) / (1.0 + leak)
     settled = flow / (1.0 + leak)
+    if p > settled:
+        time *= m.r_T
     drawn = abs(x) * (1.0 if m.supply == 2 else root)
     low = 170e5 - m.k_s * drawn
     if m.supply == 1:

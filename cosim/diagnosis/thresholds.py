@@ -1121,13 +1121,6 @@ SETTLING: Annotated[
     "the state in which it begins is not known",
     "not measured by itself",
 ] = 2.0
-TWO_LAGS: Annotated[
-    float,
-    "ratio",
-    "lags with which a pressure rises and falls beyond which they are told as two",
-    "below that one lag between the two serves both",
-    "an air pump with a vessel (2.4 and 5.8 s by hand), and a soft arm's chamber; not measured by itself",
-] = 1.5
 HELD_LEVEL: Annotated[
     float,
     "share of the log",

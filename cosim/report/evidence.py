@@ -47,6 +47,7 @@ MAKERS: dict[str, tuple[Maker, ...]] = {
     "continuity.flow_asymmetry": (hydraulics.pressure_curve,),
     "continuity.leakage": (hydraulics.pressure_curve, _pressure_steps),
     "continuity.compressibility": (hydraulics.lag,),
+    "continuity.lag_asymmetry": (hydraulics.lag,),
     "continuity.supply_sag": (hydraulics.supply,),
     "continuity.travel_flow": (_pressure_steps,),
     "continuity.flow_pressure": (hydraulics.throttling,),

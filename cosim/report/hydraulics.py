@@ -120,13 +120,18 @@ def lag(material: Material, cause: NamedCause) -> Picture:
     seen = Pressures(material)
     gain, nominal = extended_pair(material, cause)
     _, extended = extended_pair(material, None)
+    falls = material.value("continuity.r_T")
+    told = (
+        f"T = {extended:.3g} s" if falls == 1.0 else f"T = {extended:.3g} and {falls * extended:.3g} s"
+    )
     x, y = seen.rate / BAR, (gain * opening(material, seen.spool, cause) - seen.pressure) / BAR
     at, mean, error = binned(x, y, seen.independent)
-    ends = np.array([x.min(), x.max()])
+    ends = np.array([x.min(), 0.0, x.max()])
+    both = np.array([falls, 1.0, 1.0])
     layers = [
         Layer("points", "measured", "measured", x, y),
         Layer("line", f"nominal model, T = {nominal:.3g} s", "nominal", ends, nominal * ends),
-        Layer("line", f"extended model, T = {extended:.3g} s", "extended", ends, extended * ends),
+        Layer("line", f"extended model, {told}", "extended", ends, extended * both * ends),
         Layer("means", BINS, "plain", at, mean, error),
     ]
     return Picture(
@@ -134,7 +139,7 @@ def lag(material: Material, cause: NamedCause) -> Picture:
         "Pressure still to come against the pressure's rate",
         axis("rate of the load pressure", "bar/s"),
         [Panel(axis("steady pressure less pressure", "bar"), layers)],
-        CAPTIONS["lag"],
+        CAPTIONS["lag" if falls == 1.0 else "lags"],
     )
 
 

@@ -116,6 +116,8 @@ def pressure_rates(s: State, p: Plant) -> tuple[float, float, float]:
         opening *= math.sqrt(max(1.0 - q.c_q * math.copysign(s.p_load, x * s.p_load), 0.0))
     leak = 1.0 + q.c_l
     load = (q.K_c / leak * opening - s.p_load) * leak / (q.T * (1.0 + q.c_beta))
+    if load < 0.0:
+        load /= q.r_T
     supply = (q.p_s - q.k_s * abs(x) * root - s.p_supply) / q.tau_s
     return load, supply, supply
 

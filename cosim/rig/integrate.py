@@ -259,7 +259,7 @@ def _fastest_rate(p: Plant, friction: str) -> float:
     column = (1.0 - m.mu) * m.J * (1.0 - abs(p.unknown.j_theta))
     found = [
         p.dcv.w0 * (1.0 + 2.0 * p.dcv.zeta * (1.0 + p.dcv.c_a)),
-        (1.0 + c.c_l) / (c.T * (1.0 + c.c_beta)),
+        (1.0 + c.c_l) / (c.T * (1.0 + c.c_beta) * min(1.0, c.r_T)),
         1.0 / c.tau_s,
         _of_chambers(p),
         (m.b + 2.0 * m.mu * m.J * m.zeta_f * m.w_f) / column + 2.0 * m.zeta_f * m.w_f,

@@ -57,6 +57,7 @@ class Continuity(NamedTuple):
     a_q: float = 0.0
     c_l: float = 0.0
     c_beta: float = 0.0
+    r_T: float = 1.0
     k_s: float = 0.0
     tau_s: float = 0.1
     p_c: float = 0.0
@@ -208,6 +209,9 @@ PARAMETERS: dict[str, Parameter] = {
     "continuity.a_q": Parameter("1", -0.95, 0.95, "Flow asymmetry", _D),
     "continuity.c_l": Parameter("1", -0.9, 50.0, "Leakage added, of the nominal", _D),
     "continuity.c_beta": Parameter("1", -0.9, 20.0, "Compressibility added, of the nominal", _D),
+    "continuity.r_T": Parameter(
+        "1", 0.01, 100.0, "Time constant of a falling load pressure over that of a rising one", _D
+    ),
     "continuity.k_s": Parameter("Pa/m", 0.0, 1e11, "Fall of the supply per spool opening", _D),
     "continuity.tau_s": Parameter("s", 2 * MS, 100.0, "Time constant of the supply", _D),
     "continuity.p_c": Parameter("Pa", 0.0, 1e8, "Cracking pressure of the counterbalance valve", _D),
@@ -316,6 +320,7 @@ EFFECTS: dict[str, Effect] = {
     "continuity.flow_asymmetry": Effect("continuity", {"continuity.a_q": 0.10}),
     "continuity.leakage": Effect("continuity", {"continuity.c_l": 0.20}),
     "continuity.compressibility": Effect("continuity", {"continuity.c_beta": 0.40}),
+    "continuity.lag_asymmetry": Effect("continuity", {"continuity.r_T": 2.0}),
     "continuity.supply_sag": Effect("continuity", {"continuity.k_s": 1.2e9, "continuity.tau_s": 0.1}),
     "continuity.cracking_pressure": Effect("continuity", {"continuity.p_c": 1.0 * BAR}),
     "mechanical.coulomb_friction": Effect("mechanical", {"mechanical.tau_c": 100.0}),

@@ -44,6 +44,37 @@ def test_one_step_equals_many(old: float, new: float, h: float, n: int) -> None:
     assert whole == pytest.approx(parts, abs=1e-14 * n * K_C * 2e-3)
 
 
+@given(st.floats(0.05, 20.0), st.floats(1e-3, 0.3), st.booleans())
+def test_a_falling_pressure_has_its_own_lag(r_T: float, h: float, rises: bool) -> None:
+    own = compose(registry.block("continuity"), [registry.effects()["continuity.lag_asymmetry"]])
+    begin, end = (1e5, 1.5e6) if rises else (1.5e6, 1e5)
+    opening = end / K_C
+    found = run(own, h, [opening], {"r_T": r_T}, p_load=begin, opening=opening).play([[opening]] * 5)[:, 0]
+    lag = T if rises else r_T * T
+    expected = end + (begin - end) * np.exp(-h * np.arange(1, 6) / lag)
+    assert found == pytest.approx(expected, rel=1e-12)
+
+
+def test_its_steps_converge_to_the_equation_where_the_direction_changes() -> None:
+    own, r_T, w = (
+        compose(registry.block("continuity"), [registry.effects()["continuity.lag_asymmetry"]]),
+        3.0,
+        2.0 * math.pi,
+    )
+
+    def rate(t, p):
+        ahead = K_C * 1e-3 * math.sin(w * t) - p[0]
+        return [ahead / (T if ahead > 0.0 else r_T * T)]
+
+    exact = solve_ivp(rate, (0.0, 3.0), [0.0], rtol=1e-10, atol=1e-3, max_step=1e-3).y[0, -1]
+    errors = []
+    for n in (300, 3000):
+        spool = 1e-3 * np.sin(w * np.linspace(0.0, 3.0, n + 1))
+        errors.append(abs(run(own, 3.0 / n, [0.0], {"r_T": r_T}).play(spool[1:, None])[-1, 0] - exact))
+    assert errors[0] < 1e-3 * K_C * 1e-3
+    assert errors[1] < 0.03 * errors[0]
+
+
 def test_gain_and_time_constant_of_table_4_4() -> None:
     """5.28 bar per mm at rest; 63 % of it after 0.11 s."""
     r = run(BLOCK, T, [0.0], opening=1e-3)

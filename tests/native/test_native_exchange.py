@@ -66,10 +66,10 @@ P = {name: {n: v.start for n, v in composed_block(name).parameters.items()} for 
 
 
 def continuity(p, x, u):
-    """(4.26) with (4.33): leakage, compressibility and asymmetry as docs/effects.md writes them."""
+    """(4.26) with (4.33): leakage, compressibility and both asymmetries as docs/effects.md writes them."""
     opening = u[0] * (1.0 + (p["a_q"] if u[0] > 0.0 else -p["a_q"]))
     gain, T = p["K_c"] / (1.0 + p["c_l"]), p["T"] * (1.0 + p["c_beta"]) / (1.0 + p["c_l"])
-    return [(gain * opening - x[0]) / T]
+    return [(gain * opening - x[0]) / (T if gain * opening > x[0] else T * p["r_T"])]
 
 
 def mechanical(p, x, u):
@@ -96,7 +96,12 @@ def continuity_physical(p, x, u):
 
 
 RIGHT_HAND_SIDES = {
-    "continuity": (continuity, [3e5], [1e-3], {"a_q": 0.2, "c_l": 0.1, "c_beta": 0.3, "p_c": 1e5}),
+    "continuity": (
+        continuity,
+        [3e5],
+        [1e-3],
+        {"a_q": 0.2, "c_l": 0.1, "c_beta": 0.3, "p_c": 1e5, "r_T": 1.7},
+    ),
     "continuity_physical": (
         continuity_physical,
         [9e6, 8e6, 1.65e7, 0.02],

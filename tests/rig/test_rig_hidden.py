@@ -49,6 +49,7 @@ PROMISED_EFFECTS = [
 BEYOND = [  # of the library
     "dcv.amplitude_damping",
     "continuity.flow_pressure",
+    "continuity.lag_asymmetry",
     "mechanical.end_stop",
     "mechanical.constant_load",
     "sensor.saturation",

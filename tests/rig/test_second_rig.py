@@ -30,6 +30,7 @@ VALUES = {
     "continuity.flow_asymmetry": {"a_q": -0.1},
     "continuity.leakage": {"c_l": 0.2},
     "continuity.compressibility": {"c_beta": 0.4},
+    "continuity.lag_asymmetry": {"r_T": 1.8},
     "continuity.supply_sag": {"k_s": 1.2e9, "tau_s": 0.2},
     "continuity.cracking_pressure": {"p_c": 1e5},
     "mechanical.coulomb_friction": {"tau_c": 100.0},

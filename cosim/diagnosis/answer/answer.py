@@ -8,7 +8,6 @@ import numpy as np
 
 from cosim.compare.metrics import fit_percent, rms
 from cosim.diagnosis.answer.experiment import Proposal
-from cosim.diagnosis.answer.lags import two_lags
 from cosim.diagnosis.answer.remarks import (
     advice,
     files,
@@ -390,15 +389,14 @@ def linear_blocks(diagnosis: Diagnosis) -> dict[str, LinearReference]:
 
 
 def unexplained(diagnosis: Diagnosis) -> list[Unexplained]:
-    """What stays unexplained, in display units; what lags of their own explain comes first."""
-    lags = {id(rest): two_lags(diagnosis, rest) for rest in diagnosis.rests}
+    """What stays unexplained, in display units."""
     found = []
-    for rest in sorted(diagnosis.rests, key=lambda rest: not lags[id(rest)]):
+    for rest in diagnosis.rests:
         unit, scale = shown(rest.signal)
         found.append(
             Unexplained(
                 block=rest.block,
-                what=lags[id(rest)] or rest.what,
+                what=rest.what,
                 residual_rms=rest.leftover.rms * scale,
                 unit=unit,
                 span=rest.span,

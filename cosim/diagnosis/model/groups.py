@@ -161,6 +161,7 @@ class Group:
         """
         slot = self.upstream_slot
         lumped = sum(block in DYNAMIC for _, block in self.stages) > 1
+        last = next((c for c, block in reversed(self.stages) if block in DYNAMIC), "")
         lost = self.behind_lost_motion()
         found: list[Effect] = []
         for effect in registry.effects().values():
@@ -168,6 +169,8 @@ class Group:
                 continue
             asked = effect.name in self.asked
             if not asked and (effect.asked or (effect.alone and lumped)):
+                continue
+            if not asked and effect.ends and effect.component != last:
                 continue
             # the angle that a model makes of a speed alone drifts by more than such a law's period
             if not asked and effect.repeats and not self.integrates:
