@@ -121,9 +121,7 @@ def lag(material: Material, cause: NamedCause) -> Picture:
     gain, nominal = extended_pair(material, cause)
     _, extended = extended_pair(material, None)
     falls = material.value("continuity.r_T")
-    told = (
-        f"T = {extended:.3g} s" if falls == 1.0 else f"T = {extended:.3g} and {falls * extended:.3g} s"
-    )
+    told = f"T = {extended:.3g} s" if falls == 1.0 else f"T = {extended:.3g} and {falls * extended:.3g} s"
     x, y = seen.rate / BAR, (gain * opening(material, seen.spool, cause) - seen.pressure) / BAR
     at, mean, error = binned(x, y, seen.independent)
     ends = np.array([x.min(), 0.0, x.max()])

@@ -55,7 +55,9 @@ def test_another_lag_of_a_falling_pressure_is_named(tmp_path: Path, up: float, d
     for cause in named:
         assert cause.parameters["r_T"].value == pytest.approx(down / up, rel=0.03)
     (finding,) = found.findings.values()
-    assert np.std(finding.chosen.fit.residuals["p_a"]) / 1e5 < 3.0 * NOISE, "and the pump's steps, between two samples"
+    assert np.std(finding.chosen.fit.residuals["p_a"]) / 1e5 < 3.0 * NOISE, (
+        "and the pump's steps, between two samples"
+    )
 
 
 def test_a_rate_is_told_in_words() -> None:
