@@ -348,6 +348,9 @@ def guesses(found: Overview, machine: bool = False) -> dict[str, Guess]:
                     "slew", place.column, f"{place.why.split(';')[0]}, and a torque turns it"
                 )
         left = [c for c in free if c.index not in taken]
+        if regulated := demanded_pressure(left, made):
+            made["u"] = regulated
+            left.remove(regulated.column)
         if alone := pressure_alone(left, made):
             made["p_a"] = _guess("p_a", *alone)
         for signal, column, why in [] if alone else by_cause(left, made):
@@ -829,11 +832,37 @@ def pressure_alone(free: list[Column], made: dict[str, Guess]) -> tuple[Column, 
     """The only pressure that was measured, where nothing shows a motion: what a valve or pump builds up in a volume."""
     if "u" not in made or {"spool", "p_supply", "p_a", "p_b", "slew", *MOTIONS, *DRIVERS} & set(made):
         return None
+    return only_pressure(free)
+
+
+def only_pressure(free: list[Column]) -> tuple[Column, str] | None:
+    """The only pressure among the columns that moves and was not asked for, with the reason."""
     able = [c for c in free if _pressure(c) and not _asked(c)]
     able = [c for c in able if re.search(_PRESSURE, plain(c.label.short))] or able
     if len(able) != 1:
         return None
     return able[0], f"its name ({_called(able[0])}), and no column shows a motion"
+
+
+def demanded_pressure(free: list[Column], made: dict[str, Guess]) -> Guess | None:
+    """The pressure that a regulator is given, where nothing else was found and one pressure that was measured follows it."""
+    if made:
+        return None
+    shown = only_pressure(free)
+    asked = [
+        c
+        for c in free
+        if re.search(rf"{_COMMAND}|{_REFERENCE}", plain(c.label.short)) and not c.constant and not _state(c)
+        and (c.unit is None or _fits(c, "p_a"))
+    ]  # fmt: skip
+    if shown is None or len(asked) != 1 or asked[0].missing or shown[0].missing:
+        return None
+    if following(asked[0], shown[0], rate=False) < LED:
+        return None
+    guess = _placed(asked[0], f"no command was found, and {_called(shown[0])} follows it")
+    return replace(
+        guess, why=guess.why.replace("the place that the drive is to hold", "what it is to be"), place=False
+    )
 
 
 def _same(one: Column, other: Column) -> bool:
