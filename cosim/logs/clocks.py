@@ -19,12 +19,15 @@ TIME_WORDS = re.compile(
 )
 RATES = (5.0, 2e4)  # 1/s, of a machine's log: decides in which unit an unlabelled clock counts
 ROUNDED = 1e-4  # of a step: so far from a whole number rounding may leave one that was scaled
+# a unit at the end of a name is one word: the A of mA and the Pa of kPa are no port's
+_UNIT = re.compile(r"(?<![^\W_])([kmhM])(Pa|N|Nm|V|A|W|Hz|g)(?![^\W_])")
 SLOW = 300.0  # times as long as the longest of these intervals may be one of a clock that counts parts of seconds
 
 
 def plain(name: str) -> str:
     """A name as words: small letters without accents, a blank where case, digits or signs part it."""
-    text = re.sub(r"(?<=[a-zäöüß])(?=[A-Z])|(?<=\D)(?=\d)|(?<=\d)(?=\D)", " ", name)
+    whole = _UNIT.sub(lambda found: found[0].lower(), name)
+    text = re.sub(r"(?<=[a-zäöüß])(?=[A-Z])|(?<=\D)(?=\d)|(?<=\d)(?=\D)", " ", whole)
     text = unicodedata.normalize("NFKD", text.lower().replace("ß", "ss"))
     text = "".join(sign for sign in text if not unicodedata.combining(sign))
     return " ".join(re.findall(r"\w+", text.replace("_", " ")))

@@ -28,9 +28,13 @@ _RATE = (
     r"|torque|moment|\b(dd?q|qdd?|qdot)\b"
 )
 _COMMAND = (
-    r"command|\bcmd\b|befehl|ansteuer|stell|sollwert|setpoint|joystick|comand|controle|consigne|orden|kommando|stuur|styr|ohjaus"
+    r"command|\bcmd\b|befehl|ansteuer|stell|sollwert|setpoint|joystick|comand|controle|consigne"
+    r"|orden|kommando|stuur|styr|ohjaus"
+    r"|control(ler)? (effort|signal|output|action)"
     r"|sterow|duty|\bpwm\b|\b(f|l|t|fc|lc|pc|tc)v \d+$"
 )
+# what a controller is given, which is the command only where nothing says what it made of it
+_SET = r"sollwert|setpoint|consigne"
 _DRIVES = rf"{_COMMAND}|\bu\b|ventil|valve|valvula|soupape|\bklep"
 # what a command may be called where nothing is called a command
 _INPUT = (
@@ -45,13 +49,16 @@ _FED = r"\bpsu\b|batter|\bvbat\b|\bvin\b|\bvcc\b|(supply|input|bus|link|versorgu
 _REFERENCE = r"\bref\b|referen|\btarget\b|\bgoal\b|\bsoll|desired|commanded|\bdes$|demand|\bset\b|gewenst"
 # what was measured of it, where both have a name
 _AS_MEASURED = (
-    r"^(actual|act|measured|meas|feedback|fb|fbk|present|current|real|ist|istwert|istlage|mesure|medido)$"
+    r"^(actual|act|measured|meas|feedback|fb|fbk|present|current|real|ist|istwert|istlage|mesure|medido"
+    r"|encoder|sensor)$"
 )
 _ANGLE = (
     r"slew|swing|schwenk|dreh|winkel|angle|angul|angolo|vinkel|kulma|hoek\b|\bkat\b|rotat|\bgiro|theta|\bphi\b|\bpsi\b|\bang\b"
     r"|\bq \d+\b"  # a robot's joint; a flow has its unit beside
     r"|\bpan\b|\byaw\b|azimut|\bheading\b|\bencoder|drehgeber"
 )
+# of a command: the place that a controller is to reach, rather than what it made of it
+_OF_PLACE = r"\bpos\b|position|posicion|posicao|posizione|positie|\blage\b"
 # axes of a machine that slews as well: their commands and angles are none of the slew drive
 _OTHER_AXES = (
     r"\b(boom|arm|stick|dipper|bucket|bkt|blade|jib|tilt|ausleger|stiel|loffel|fleche|balancier|godet)\b"
@@ -148,6 +155,7 @@ SIDES = (
 )  # fmt: skip
 _CHAMBER = r"\bcyl|zylind|chamber|kammer|load|port|head|\brod\b|kolben|stange"
 _PILOT = r"pilot|vorsteuer|epp?r|errp|pump|supply|tank|return|ruecklauf|rucklauf|accu|speicher"
+_PORTS = ("p_supply", "p_a", "p_b")
 FASTEST = 630.0  # rad/s, 6000 rpm: a servo motor's; a larger number counts revolutions a minute
 HIGHEST = 750.0  # bar that oil of machines reaches, at presses and tools
 GENERIC = {
@@ -198,6 +206,8 @@ SECOND = (
 TOGETHER = 0.5  # correlation beyond which two columns drive at the same time: the two directions of one command never do
 BY_ITSELF = 0.5  # part of an integrator's misfit that a column which falls back by itself leaves
 WHOLE = 0.8  # of a column's range: jumps by so much begin it anew
+CHANNELS = 16  # most that a recorder without names has
+FINE = 20000  # stretches of a log in which it is looked for what moves first
 STRETCHES, LAGS = (
     2000,
     60,
@@ -301,6 +311,9 @@ def guesses(found: Overview, machine: bool = False) -> dict[str, Guess]:
         if score > 0.0 and signal not in made and column.index not in taken:
             made[signal] = _guess(signal, column, f"its name ('{column.label.short}')")
             taken.add(column.index)
+    if machine and "u" in made and (better := as_place(made, [c for c in free if c.index not in taken])):
+        taken.add(better.column.index)
+        made["u"] = better
     undriven = not {"u", *DRIVERS} & set(made)
     asked = demanded([c for c in free if c.index not in taken], made) if undriven else None
     if machine and asked:
@@ -335,11 +348,15 @@ def guesses(found: Overview, machine: bool = False) -> dict[str, Guess]:
                     "slew", place.column, f"{place.why.split(';')[0]}, and a torque turns it"
                 )
         left = [c for c in free if c.index not in taken]
+        if regulated := demanded_pressure(left, made):
+            made["u"] = regulated
+            left.remove(regulated.column)
         if alone := pressure_alone(left, made):
             made["p_a"] = _guess("p_a", *alone)
         for signal, column, why in [] if alone else by_cause(left, made):
             made[signal] = _guess(signal, column, why)
             taken.add(column.index)
+        made |= {} if made else by_lead(left)
     else:
         for signal, column, why in by_motion([c for c in free if c.index not in taken], made):
             made[signal] = _guess(signal, column, why)
@@ -498,9 +515,10 @@ def chambers(free: list[Column], made: dict[str, Guess]) -> list[tuple[str, Colu
 
 
 def _pressure(column: Column) -> bool:
-    """Whether a column is a pressure that moves, by name and unit."""
-    named = bool(re.search(_PRESSURE, plain(column.label.short))) and _fits(column, "p_a")
-    return named and not column.constant and not re.search(_FLOW, plain(column.label.short))
+    """Whether a column is a pressure that moves, by its name or its unit."""
+    named = bool(re.search(_PRESSURE, plain(column.label.short))) or column.unit is not None
+    fits = named and _fits(column, "p_a")
+    return fits and not column.constant and not re.search(_FLOW, plain(column.label.short))
 
 
 def _other_side(one: Column, two: Column, command: set[str]) -> int:
@@ -534,8 +552,8 @@ def one_sided(command: Column) -> bool:
 
 def _score(column: Column, signal: str) -> float:
     """How well a name and unit fit a signal; 0 where they do not."""
-    if not _fits(column, signal):
-        return 0.0
+    if not _fits(column, signal) or (signal in _PORTS and _asked(column)):
+        return 0.0  # what was asked for is no reading
     words = plain(column.label.short)
     if signal in (column.label.name, column.label.alias):
         return 4.0
@@ -557,6 +575,9 @@ def _score(column: Column, signal: str) -> float:
         return 0.0
     weak = signal == "u" and bool(re.search(r"ventil$|valve$", words))  # any valve signal
     weak |= signal == "u" and not re.search(_DRIVES, words)
+    # what a controller was given, beside what it made of it
+    weak |= signal == "u" and not re.search(_DRIVES, re.sub(_SET, "", words))
+    weak |= signal == "u" and bool(re.search(_OF_PLACE, words))
     return 1.0 + (column.unit is not None) - 0.5 * weak
 
 
@@ -737,6 +758,48 @@ def by_cause(free: list[Column], made: dict[str, Guess]) -> list[tuple[str, Colu
     return told
 
 
+def by_lead(free: list[Column]) -> dict[str, Guess]:
+    """The demanded place and the motion, where no column has a telling name: one does what another did before, as far.
+
+    Args:
+        free: the columns.
+    """
+    able = [c for c in free if _nameless(c) and not (c.constant or c.missing or c.held)]
+    if len(able) > CHANNELS:
+        return {}  # a matrix, no recorder
+    pairs = [
+        (lead(one, two), -one.index, one, two)
+        for one in able
+        for two in able
+        if one is not two and one.values.size == two.values.size
+        and WHOLE < np.ptp(one.finite) / np.ptp(two.finite) < 1.0 / WHOLE
+    ]  # fmt: skip
+    best = max(pairs, key=lambda pair: pair[:2], default=None)
+    if best is None or best[0] < FOLLOWS:
+        return {}
+    _, _, asked, shown = best
+    motion = _guess("slew", shown, f"it does what {_called(asked)} did before")
+    return {
+        "slew": motion,
+        "u": _placed(asked, f"no column has a telling name, and {_called(shown)} follows it"),
+    }
+
+
+def lead(one: Column, two: Column) -> float:
+    """Correlation of two columns where the second comes later; 0 where it comes no later."""
+    step = -(-one.values.size // FINE)
+    rows = (c.values[: c.values.size // step * step].reshape(-1, step).mean(axis=1) for c in (one, two))
+    x, y = (row - row.mean() for row in rows)
+    size = 2 ** (2 * x.size).bit_length()
+    products = np.fft.irfft(np.conj(np.fft.rfft(x, size)) * np.fft.rfft(y, size), size)
+    latest = max(2, x.size // LAGS)
+    later, sooner = products[1:latest], products[-latest:]
+    most = float(later.max())
+    return (
+        most / float(np.sqrt(x @ x * (y @ y))) if most > max(float(sooner.max()), float(products[0])) else 0.0
+    )
+
+
 def _equal(one: Column, other: Column) -> bool:
     """Whether two columns hold the same readings."""
     return np.array_equal(one.values, other.values, equal_nan=True)
@@ -769,10 +832,37 @@ def pressure_alone(free: list[Column], made: dict[str, Guess]) -> tuple[Column, 
     """The only pressure that was measured, where nothing shows a motion: what a valve or pump builds up in a volume."""
     if "u" not in made or {"spool", "p_supply", "p_a", "p_b", "slew", *MOTIONS, *DRIVERS} & set(made):
         return None
-    able = [c for c in free if _pressure(c) and not _demand(c)]
+    return only_pressure(free)
+
+
+def only_pressure(free: list[Column]) -> tuple[Column, str] | None:
+    """The only pressure among the columns that moves and was not asked for, with the reason."""
+    able = [c for c in free if _pressure(c) and not _asked(c)]
+    able = [c for c in able if re.search(_PRESSURE, plain(c.label.short))] or able
     if len(able) != 1:
         return None
     return able[0], f"its name ({_called(able[0])}), and no column shows a motion"
+
+
+def demanded_pressure(free: list[Column], made: dict[str, Guess]) -> Guess | None:
+    """The pressure that a regulator is given, where nothing else was found and one pressure that was measured follows it."""
+    if made:
+        return None
+    shown = only_pressure(free)
+    asked = [
+        c
+        for c in free
+        if re.search(rf"{_COMMAND}|{_REFERENCE}", plain(c.label.short)) and not c.constant and not _state(c)
+        and (c.unit is None or _fits(c, "p_a"))
+    ]  # fmt: skip
+    if shown is None or len(asked) != 1 or asked[0].missing or shown[0].missing:
+        return None
+    if following(asked[0], shown[0], rate=False) < LED:
+        return None
+    guess = _placed(asked[0], f"no command was found, and {_called(shown[0])} follows it")
+    return replace(
+        guess, why=guess.why.replace("the place that the drive is to hold", "what it is to be"), place=False
+    )
 
 
 def _same(one: Column, other: Column) -> bool:
@@ -787,31 +877,70 @@ def demanded(free: list[Column], made: dict[str, Guess]) -> Guess | None:
         return None
     for column in free:
         if demands(column, motion.column):
-            gain = float(f"{1.0 / np.max(np.abs(column.finite)):.4g}")
-            why = f"no command was found, and {_called(motion.column)} follows it: the place that the drive is to hold"
-            return Guess("u", column, "1", gain, why, check=True, place=True)
+            return _placed(column, f"no command was found, and {_called(motion.column)} follows it")
     return None
+
+
+def as_place(made: dict[str, Guess], free: list[Column]) -> Guess | None:
+    """The command, where its name was that of a place which the drive is to hold; None where it was not.
+
+    Args:
+        made: the guesses so far, with a command.
+        free: columns that are nothing yet: of these one may be what a controller made of it.
+    """
+    motion = next((made[signal] for signal in ("slew", "travel") if signal in made), None)
+    column = made["u"].column
+    if motion is None or not demands(column, motion.column):
+        return None
+    own = [
+        c
+        for c in free
+        if _score(c, "u") > 0.0 and not (c.constant or _same(c, column) or demands(c, motion.column))
+    ]
+    if len(own) == 1:
+        return _guess(
+            "u", own[0], f"its name ('{own[0].label.short}'), and {_called(column)} is the place asked for"
+        )
+    return _placed(column, f"its name, and {_called(motion.column)} follows it")
+
+
+def _placed(column: Column, why: str) -> Guess:
+    """A command that is the place which the drive is to hold; 1 is the largest demand."""
+    gain = float(f"{1.0 / np.max(np.abs(column.finite)):.4g}")
+    return Guess(
+        "u", column, "1", gain, f"{why}: the place that the drive is to hold", check=True, place=True
+    )
 
 
 def demands(column: Column, motion: Column) -> bool:
     """Whether a column is the place that a drive is to hold: called as its motion is but for a word, and followed by it.
 
-    ``target position`` goes with ``position`` and with ``actual position``, and ``target_rad`` with what is in rad, too.
+    ``target position`` goes with ``position`` and with ``actual position``, and ``target_rad`` with what is in rad, too. A
+    word such as target, position or a unit says that it is a place: it needs to be of this axis only, which may be too slow
+    to follow it closely. ``swing cmd`` is one only where the swing follows it more closely than its rate of change does, as
+    is ``target`` without units.
     """
     words, moves = ([w for w in _words(c) if w != plain(c.unit or "")] for c in (column, motion))
     asked = [w for w in words if re.search(rf"{_COMMAND}|{_REFERENCE}", w)]
     named = sorted(w for w in words if w not in asked)
     shown = sorted(w for w in moves if not re.search(_AS_MEASURED, w))
-    alone = not named and column.unit is not None and motion.unit is not None
-    alone = alone and _convertible(column.unit or "", motion.unit or "")
-    if not asked or not (alone or named in (shown, sorted(moves))) or column.constant:
+    if not any(w.isdigit() for w in named):
+        shown = [w for w in shown if not w.isdigit()]
+    units = column.unit is not None and motion.unit is not None
+    units = units and _convertible(column.unit or "", motion.unit or "")
+    reference = all(re.search(rf"{_SET}|{_REFERENCE}", w) for w in asked)
+    called = bool(named) and named in (shown, sorted(moves))
+    bare = not named and reference and None in (column.unit, motion.unit)
+    if not asked or not (called or bare or (units and not named)) or column.constant:
         return False
     if column.values.size != motion.values.size or motion.missing > LACKING * motion.values.size:
         return False
     both = np.isfinite(column.values) & np.isfinite(motion.values)
     one, other = (replace(c, values=c.values[both]) for c in (column, motion))
-    # its unit says that it is a place: it needs to be of this axis only, which may be too slow to follow it closely
-    return following(one, other, rate=False) > (LED if alone else FOLLOWS)
+    level = following(one, other, rate=False)
+    if units or (called and (reference or re.search(_OF_PLACE, " ".join(named)))):
+        return level > LED
+    return level > FOLLOWS and level > following(one, other, rate=True)
 
 
 def driven_by(free: list[Column], made: dict[str, Guess]) -> tuple[str, Column, str] | None:
@@ -1165,12 +1294,29 @@ def machine_lines(found: Overview, made: dict[str, Guess]) -> list[str]:
         *(['motion = "travel"    # a linear axis: kg, N, m'] if linear else []),
         *(['motion = "flow"    # of a valve or pump: no axis that moves'] if motion == "flow" else []),
         *(['command = "place"    # CHECK: u is the place that the drive is to hold'] if place else []),
+        *(_HELD if not place and motion in ("slew", "travel") and _level(made, motion) else []),
         *(['drive = "electric"    # CHECK: a motor; "hydraulic" for oil'] if electric(found, made) else []),
         *([] if driver is None else [f"input = {_quoted(driver)}"]),
         *([] if motion == "slew" else [f"output = {_quoted(motion)}"]),
         speed,
         'lag = "?"    # as "150 ms"',
     ]
+
+
+_HELD = (
+    '# command = "place"    # CHECK: the motion follows u itself: u may be the place that the drive is to hold',
+)
+
+
+def _level(made: dict[str, Guess], motion: str) -> bool:
+    """Whether a place follows the command itself, more closely than its rate of change does."""
+    if not {"u", motion} <= made.keys() or made["u"].minus is not None:
+        return False
+    command, shown = made["u"].column, made[motion].column
+    if command.values.size != shown.values.size or command.missing or shown.missing or command.constant:
+        return False
+    level = following(command, shown, rate=False)
+    return level > FOLLOWS and level > following(command, shown, rate=True)
 
 
 def largest_demand(made: dict[str, Guess], motion: str) -> str:

@@ -17,18 +17,21 @@ Amplifiers and recorders write several rows of names; then a column is called by
 """
 
 import csv
+import re
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 from cosim.errors import UsageError
-from cosim.logs.blanks import SIGNS, cells
+from cosim.logs.blanks import BLANK, SIGNS, cells
 from cosim.logs.source import Label, parse_label
 from cosim.units import parse_unit
 
 MOST_TITLES = 200  # lines in which the table must begin
 _LONGEST_UNIT = 12
+_BREAK = re.compile(r"\r\n|\r|\n")
+_SEVERAL = re.compile(r"[ \t]{2,}")
 _UNIT_KEYS = ("unit", "units", "einheit", "einheiten", "unite", "unidad", "unita", "enhet")
 _NO_UNIT = ("", "-", "--", "1", "[]", "[-]")
 _SIGNS = ("°", "°/s")  # read as deg elsewhere
@@ -67,7 +70,7 @@ def read_preamble(head: str, separator: str | None, number: Callable[[str], bool
         separator: column separator, None where it is to be found out.
         number: whether a cell holds a number, or says that one is missing.
     """
-    lines = head.splitlines()[:MOST_TITLES]
+    lines = _BREAK.split(head)[:MOST_TITLES]  # splitlines takes more for a line's end than a file of rows has
     for sign in SIGNS if separator is None else (separator,):
         try:
             rows = [cells(line, sign) for line in lines]
@@ -75,6 +78,10 @@ def read_preamble(head: str, separator: str | None, number: Callable[[str], bool
             continue
         found = _table(rows, number)
         if found is not None:
+            width = _usual(rows[found:])
+            for k in range(found if sign == BLANK else 0):  # names of several words, parted by several blanks
+                apart = _SEVERAL.split(lines[k].strip())
+                rows[k] = apart if len(rows[k]) != width == len(apart) else rows[k]
             return _preamble(rows, found, sign)
     return None
 
@@ -99,20 +106,21 @@ def _preamble(rows: Sequence[Sequence[str]], first: int, separator: str) -> Prea
     width = _usual(rows[first:])
     # a separator at the end of every line makes an empty column, which has no name
     above = [[cell.strip() for cell in row] for row in rows[:first]]
-    names = first - 1
+    names = next((k for k in range(first - 1, -1, -1) if any(above[k])), -1)  # blank lines may stand below
     named = width
     if names >= 0 and len(above[names]) > width and _are_names(above[names], len(above[names])):
         # the last columns are for remarks, and most rows end before them
         named = len(above[names])
         above[names] = above[names][:width]
     units: Sequence[str] = [""] * width
+    has_units = False
     if (
         names >= 1
         and len(above[names]) == width
         and _are_units(above[names])
         and _are_names(above[names - 1], width)
     ):
-        units, names = above[names], names - 1
+        units, names, has_units = above[names], names - 1, True
     if names < 0 or (names == 0 and first == 1 and named == width):
         return None
     rivals = [row for row in above[:names] if _are_names(row, width)]
@@ -123,9 +131,7 @@ def _preamble(rows: Sequence[Sequence[str]], first: int, separator: str) -> Prea
         parse_label(name, None if unit in _NO_UNIT else unit.strip("[]()"))
         for name, unit in zip(above[names], units, strict=True)
     )
-    return Preamble(
-        names, not any(map(any, above[:names])), first, separator, labels, first - names == 2, named
-    )
+    return Preamble(names, not any(map(any, above[:names])), first, separator, labels, has_units, named)
 
 
 def _usual(rows: Sequence[Sequence[str]]) -> int:

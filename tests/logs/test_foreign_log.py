@@ -2,6 +2,7 @@
 
 import json
 import re
+import time
 
 import numpy as np
 import pytest
@@ -1021,3 +1022,89 @@ def test_columns_that_hold_the_same_once_more_are_no_further_candidates(tmp_path
     assert text.count("# [signals.i]") == 1
     assert "# the same readings once more: data.u, data.y, data.i" in text
     assert matched.left == ["column 'i'", "the same readings once more (data.u, data.y, data.i)"]
+
+
+def a_servo(t: np.ndarray, fastest: float = np.inf) -> tuple[np.ndarray, np.ndarray]:
+    """Demanded places and a drive that follows them, no faster than so much a second."""
+    asked = np.repeat(np.random.default_rng(3).uniform(-50.0, 50.0, 10), t.size // 10)
+    place = np.zeros(t.size)
+    for k in range(1, t.size):
+        step = 0.1 * (asked[k - 1] - place[k - 1])
+        place[k] = place[k - 1] + np.clip(step, -fastest * 0.02, fastest * 0.02)
+    return asked, place + np.random.default_rng(4).normal(0.0, 0.05, t.size)
+
+
+@pytest.mark.parametrize(
+    ("asked", "shown"),
+    [
+        ("pos_cmd", "pos"),
+        ("Position Command", "Position Feedback"),
+        ("Commanded Pos", "Encoder 1 Pos"),
+        ("setpoint", "angle"),
+        ("rudder_ref", "rudder_encoder"),
+    ],
+)
+def test_a_command_called_as_the_place_is_the_place_demanded(write, asked, shown):
+    """It was a command whose sum over time the place is."""
+    t = 0.02 * np.arange(1000)
+    goal, place = a_servo(t, 15.0 if asked == "rudder_ref" else np.inf)
+    rows = "".join(f"{a:.3f},{b:.4f},{c:.4f}\n" for a, b, c in zip(t, goal, place, strict=True))
+    made = guesses(overview(write(f"t,{asked},{shown}\n" + rows)), machine=True)
+    assert (made["u"].column.label.text, made["u"].place) == (asked, True)
+    assert made["slew" if "slew" in made else "travel"].column.label.text == shown
+
+
+@pytest.mark.parametrize("head", ["t,Commanded Pos,Control Effort,Encoder 1 Pos", "t,setpoint,duty,position"])
+def test_what_a_controller_puts_out_goes_before_what_it_was_given(write, head):
+    t = 0.02 * np.arange(1000)
+    goal, place = a_servo(t)
+    rows = zip(t, goal, np.gradient(place, t), place, strict=True)
+    text = "".join(",".join(f"{x:.4f}" for x in row) + "\n" for row in rows)
+    made = guesses(overview(write(head + "\n" + text)), machine=True)
+    assert (made["u"].column.index, made["u"].place) == (2, False)
+
+
+def test_a_swing_that_its_command_sums_up_to_is_no_demanded_place(write):
+    """A sine and its sum have the same shape a quarter of a period apart."""
+    t = 0.02 * np.arange(1000)
+    rows = "".join(f"{a:.3f},{np.sin(2 * a):.4f},{-0.5 * np.cos(2 * a):.4f}\n" for a in t)
+    made = guesses(overview(write("t,Swing Cmd,Swing\n" + rows)), machine=True)
+    assert (made["u"].column.index, made["u"].place, made["slew"].column.index) == (1, False, 2)
+
+
+def test_columns_of_a_recorder_are_told_by_which_comes_first(write):
+    """CHANNEL0 to 2 of a test stand were no signal, though one follows another by 17 ms."""
+    t = 0.005 * np.arange(2000)
+    asked = np.sin(2.0 * np.pi * (0.2 + 0.3 * t) * t)
+    rng = np.random.default_rng(2)
+    shown = np.interp(t - 0.015, t, asked) + rng.normal(0.0, 0.01, t.size)
+    force = 0.2 * np.gradient(asked, t) + rng.normal(0.0, 0.1, t.size)
+    rows = zip(t, shown, force, asked, strict=True)
+    text = "".join(",".join(f"{x:.5f}" for x in row) + "\n" for row in rows)
+    found = overview(write("Time,CHANNEL0,CHANNEL1,CHANNEL2\n" + text))
+    made = guesses(found, machine=True)
+    assert {n: g.column.index for n, g in made.items()} == {"u": 3, "slew": 1}
+    assert made["u"].place
+    assert all(guess.check for guess in made.values())
+    assert 'command = "place"' in mapping_text(found, made, None)
+
+
+@pytest.mark.parametrize("follows", [True, False])
+def test_a_motion_that_follows_its_command_itself_is_asked_about(write, follows):
+    t = 0.02 * np.arange(1000)
+    goal, place = a_servo(t)
+    shown = place if follows else np.cumsum(goal) * 0.02
+    rows = "".join(f"{a:.3f},{b:.4f},{c:.4f}\n" for a, b, c in zip(t, goal, shown, strict=True))
+    found = overview(write("t,u,theta\n" + rows))
+    assert (
+        '# command = "place"    # CHECK' in mapping_text(found, guesses(found, machine=True), None)
+    ) is follows
+
+
+def test_a_matrix_of_numbers_without_names_takes_no_time(write):
+    """Eight rows of five thousand numbers are no recorder: of each two columns it was looked which comes first."""
+    rows = np.random.default_rng(1).uniform(size=(8, 3000))
+    text = "".join(",".join(f"{x:.3f}" for x in row) + "\n" for row in rows)
+    begin = time.process_time()
+    assert guesses(overview(write(text)), machine=True) == {}
+    assert time.process_time() - begin < 20.0

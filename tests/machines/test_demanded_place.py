@@ -281,6 +281,32 @@ def test_a_place_that_a_named_load_brings_back_is_taken_for_no_demanded_place():
     assert at_once(found) == []
 
 
+def test_a_place_that_goes_against_what_a_controller_puts_out_is_no_demanded_one():
+    """A motor without damping in a loop: a constant gain below 0 told its angle best, and it was said to follow."""
+    t = STEP * np.arange(1000)
+    effort = np.sin(2.0 * np.pi * t)
+    group = SimpleNamespace(integrates=True, is_speed=lambda name: False, drive="u")
+    task = SimpleNamespace(model=SimpleNamespace(group=group), measured={"slew": -effort})
+    finding = SimpleNamespace(
+        task=task,
+        lacks_linear=True,
+        reference=SimpleNamespace(model=SimpleNamespace(integrates=False, settled=-3.0)),
+    )
+    found = SimpleNamespace(
+        findings={"mechanical": finding},
+        machine=SimpleNamespace(drive="u"),
+        record=SimpleNamespace(
+            has=lambda *names: True, cuts=(), time=t, signals={"u": effort, "slew": -effort}
+        ),
+        causes=[],
+    )
+    (told,) = at_once(found)
+    assert told.startswith("slew goes against u itself: if u is what a controller puts out")
+    finding.reference.model.settled = 3.0
+    (told,) = at_once(found)
+    assert told.startswith("slew follows u itself")
+
+
 def test_a_place_whose_sum_of_commands_goes_the_other_way_is_no_reversed_sign(tmp_path):
     """A slow sine and what holds it: the sum of the command falls where the place rises."""
     t = STEP * np.arange(1000)

@@ -35,6 +35,39 @@ def vessel(tmp_path: Path) -> tuple[Path, Path]:
     return log, mapping
 
 
+@pytest.mark.parametrize("head", ["time,PWM,Setpoint_kPa,Feedback_kPa", "time,PWM,Target pressure,Pressure"])
+def test_what_was_asked_of_a_pressure_is_no_reading(tmp_path, head):
+    """The demanded pressure, in kPa, was the pressure at port A: the end of its name was read as "k Pa"."""
+    t = STEP * np.arange(500)
+    asked = np.repeat([10.0, 20.0, 5.0, 15.0, 30.0], 100)
+    shown = np.convolve(asked, np.full(30, 1.0 / 30.0))[: t.size] + 0.1 * np.sin(t)
+    log = tmp_path / "pump.csv"
+    np.savetxt(
+        log,
+        np.column_stack([t, 2.0 * asked + 0.1 * np.cos(t), asked, shown]),
+        delimiter=",",
+        comments="",
+        header=head,
+    )
+    made = guesses(overview(log), machine=True)
+    assert {name: guess.column.index for name, guess in made.items()} == {"u": 1, "p_a": 3}
+
+
+@pytest.mark.parametrize("head", ["time,Setpoint_kPa,Feedback_kPa", "time,demand,pressure (bar)"])
+def test_what_was_asked_of_a_regulator_drives_its_pressure(tmp_path, head):
+    """A pressure-reducing valve with its own loop: "Missing: a column for u"."""
+    t = STEP * np.arange(500)
+    asked = np.repeat([10.0, 20.0, 5.0, 15.0, 30.0], 100)
+    shown = np.convolve(asked, np.full(30, 1.0 / 30.0))[: t.size] + 0.1 * np.sin(t)
+    log = tmp_path / "valve.csv"
+    np.savetxt(log, np.column_stack([t, asked, shown]), delimiter=",", comments="", header=head)
+    found = overview(log)
+    made = guesses(found, machine=True)
+    assert {name: guess.column.index for name, guess in made.items()} == {"u": 1, "p_a": 2}
+    assert made["u"].gain == pytest.approx(1.0 / 30.0, rel=1e-3)
+    assert 'output = "p_a"' in mapping_text(found, made, None)
+
+
 def test_the_only_pressure_is_what_was_measured_where_nothing_moves(vessel):
     """It said "Missing: a column for what was measured, such as ... the pressures", beside a column called pressure."""
     log, mapping = vessel

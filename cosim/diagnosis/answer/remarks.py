@@ -399,6 +399,7 @@ def itself(record: Record, drive: str, place: str) -> bool:
 def at_once(diagnosis: Diagnosis) -> list[str]:
     """That a place follows the command itself and not its sum over time: a demanded place was taken for a command.
 
+    One that goes against it is answered by a controller, or counts the other way.
     Where a load that grows with the place was named, that holds it.
     """
     found = list[str]()
@@ -414,6 +415,13 @@ def at_once(diagnosis: Diagnosis) -> list[str]:
             continue
         linear = finding.reference if finding.lacks_linear else None
         shown_itself = linear is not None and not linear.model.integrates
+        if linear is not None and shown_itself and linear.model.settled < 0.0:
+            found.append(
+                f"{signal} goes against {drive} itself: if {drive} is what a controller puts out, this log shows how it "
+                f"answers {signal}, and one without its loop tells more of the drive; if {signal} counts the other way, "
+                "give it sign = -1 in [signals]"
+            )
+            continue
         if shown_itself or itself(diagnosis.record, drive, signal):
             found.append(
                 f"{signal} follows {drive} {ITSELF}, where the model goes on while {drive} lasts: "
