@@ -16,12 +16,6 @@ BLANK = " "
 SIGNS = (";", "\t", "|", ",")  # that part columns, in the order they are looked for
 LOOKED_AT, LAST = 200, 12  # lines, of which the last ones are looked at: the first may be a title
 COMMENT = ("#", "%", "//")  # before the names, as numpy.savetxt and MATLAB write them, or before a remark
-# a matrix as MATLAB writes one: x = [0 1.5 or [0 1.5 at its start, 0 1.5; within, 0 1.5] at its end
-_OPENS, _ENDS = (
-    rb"(?m)^[ \t]*(?:\w+[ \t]*=[ \t]*)?\[(?=[ \t]*[-+.\d])",
-    rb"(?m)(?<=[\d.])[ \t]*;[ \t]*(?=\r?$)",
-)
-_CLOSES = rb"(?m)^([^\[\r\n]*[\d.])[ \t]*;?[ \t]*\];?[ \t]*(?=\r?$)"
 _RUN, _EDGES = re.compile(rb"[ \t]+"), re.compile(rb"(?m)^\t|\t(?=\r?$)")
 _GLUED, _HELD = re.compile(r"[ \t]+(?=[\[(])"), "\0"  # "slew [deg]" is one cell
 
@@ -34,17 +28,10 @@ def cells(line: str, separator: str) -> list[str]:
     """
     if separator != BLANK:
         return next(csv.reader([line], delimiter=separator), [])
-    text = unbound(line.encode()).decode().strip()
+    text = line.strip()
     for sign in COMMENT:
         text = text.removeprefix(sign).lstrip()
     return [cell.replace(_HELD, BLANK) for cell in _GLUED.sub(_HELD, text).split()]
-
-
-def unbound(text: bytes) -> bytes:
-    """Rows of numbers without the brackets and semicolons of a matrix."""
-    if b"[" not in text and b"]" not in text and b";" not in text:
-        return text
-    return re.sub(_ENDS, b"", re.sub(_CLOSES, rb"\1", re.sub(_OPENS, b"", text)))
 
 
 def remark(line: str) -> bool:
@@ -77,4 +64,4 @@ def parted(head: str, number: Callable[[str], bool]) -> bool:
 def squeezed(path: Path, start: int, end: int) -> bytes:
     """A part of a file with one tab in place of each run of blanks, and none at the ends of its lines."""
     with io.BufferedReader(Window(path, start, end)) as file:
-        return _EDGES.sub(b"", _RUN.sub(b"\t", unbound(file.read())))
+        return _EDGES.sub(b"", _RUN.sub(b"\t", file.read()))

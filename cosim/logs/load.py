@@ -16,6 +16,7 @@ from cosim.logs.log import Gap, Log, Tracker
 from cosim.logs.mapping import Mapping, load_mapping
 from cosim.logs.markers import holds_markers, tracker_of_markers
 from cosim.logs.mat import MatSource
+from cosim.logs.matrix import MatrixText, holds_matrix
 from cosim.logs.packed import PACKED, ZIP, PackedText, Workbook
 from cosim.logs.parquet import ParquetSource
 from cosim.logs.repair import TimeRepair, fill, sampling
@@ -23,7 +24,7 @@ from cosim.logs.source import Array, Source, digest
 from cosim.logs.text import TextSource
 from cosim.signals import LOG_SIGNALS, SIGNALS, SYNTHETIC_COLUMN, TRACKER_SIGNALS, conversion
 
-_TEXT = (".csv", ".txt", ".tsv", ".dat", ".log")
+_TEXT = (".csv", ".txt", ".tsv", ".dat", ".log", ".m")
 _BINARY: dict[str, Callable[[Path], Source]] = {
     ".parquet": ParquetSource,
     ".pq": ParquetSource,
@@ -195,7 +196,7 @@ def open_source(path: Path, mapping: Mapping | None = None, header: bool = True)
         if suffix == _BOOK:
             return Workbook(path, sheet, **options)
         if suffix in _TEXT:
-            return TextSource(path, **options)
+            return MatrixText(path, **options) if holds_matrix(path) else TextSource(path, **options)
         if suffix == ZIP or (suffix in PACKED and ending(path.name)):
             return PackedText(path, _TEXT, **options)
         if suffix in _BINARY:

@@ -58,7 +58,7 @@ class PackedText(TextSource):
     """
 
     def __init__(self, path: Path, texts: tuple[str, ...], **options: Any) -> None:
-        text = _beside(self)
+        text = beside(self)
         if path.suffix.lower() == ZIP:
             with _only_entry(path, texts) as stream:
                 _unpack(path, stream, text)
@@ -68,7 +68,7 @@ class PackedText(TextSource):
         super().__init__(path, text=text, **options)
 
 
-def _beside(source: TextSource) -> Path:
+def beside(source: TextSource) -> Path:
     """A text file to write, in a temporary folder that goes with the source."""
     folder = Scratch("cosim_log_")
     weakref.finalize(source, folder.cleanup)
@@ -163,7 +163,7 @@ class Workbook(TextSource):
             open_archive(path, str(path)).close()
         except ModelError as error:
             raise DataError(f"{error}; a workbook of before 2007 is to be saved as .xlsx") from None
-        text = _beside(self)
+        text = beside(self)
         notes: list[str] = []
         with translated(path, "XLSX", notes):
             book = load_workbook(path, read_only=True, data_only=True)
