@@ -28,10 +28,16 @@ def cells(line: str, separator: str) -> list[str]:
     """
     if separator != BLANK:
         return next(csv.reader([line], delimiter=separator), [])
+    text = uncommented(line)
+    return [cell.replace(_HELD, BLANK) for cell in _GLUED.sub(_HELD, text).split()]
+
+
+def uncommented(line: str) -> str:
+    """A line without the sign that makes it a comment, and without blanks around it."""
     text = line.strip()
     for sign in COMMENT:
         text = text.removeprefix(sign).lstrip()
-    return [cell.replace(_HELD, BLANK) for cell in _GLUED.sub(_HELD, text).split()]
+    return text
 
 
 def remark(line: str) -> bool:

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from cosim.errors import UsageError
-from cosim.logs.blanks import BLANK, SIGNS, cells
+from cosim.logs.blanks import BLANK, SIGNS, cells, uncommented
 from cosim.logs.source import Label, parse_label
 from cosim.units import parse_unit
 
@@ -80,7 +80,7 @@ def read_preamble(head: str, separator: str | None, number: Callable[[str], bool
         if found is not None:
             width = _usual(rows[found:])
             for k in range(found if sign == BLANK else 0):  # names of several words, parted by several blanks
-                apart = _SEVERAL.split(lines[k].strip())
+                apart = _SEVERAL.split(uncommented(lines[k]))
                 rows[k] = apart if len(rows[k]) != width == len(apart) else rows[k]
             return _preamble(rows, found, sign)
     return None

@@ -18,11 +18,14 @@ figure; plot(data(:, 1), data(:, 3));
 
 
 @pytest.mark.parametrize("begin", ["[", "data =["])
-def test_a_matrix_as_matlab_writes_it_is_a_table(write, begin):
+@pytest.mark.parametrize("mark", ["", "%"])
+def test_a_matrix_as_matlab_writes_it_is_a_table(write, begin, mark):
     """Laboratory plants log so: names of several words, a blank line, and the rows of a matrix."""
     lines = [f"{k:6d}  {0.022 * k:8.3f}  {20 * k:10d}  {-0.5 + 0.01 * k:10.4f};" for k in range(40)]
     text = "\n".join([f"{begin}{lines[0]}", *lines[1:-1], lines[-1].replace(";", "]")])
-    found = overview(write(f" Sample   Time     Encoder 1 Pos   Control Effort\n\n{text}\n", "plant.txt"))
+    found = overview(
+        write(f"{mark} Sample   Time     Encoder 1 Pos   Control Effort\n\n{text}\n", "plant.txt")
+    )
     assert [c.label.text for c in found.columns] == ["Sample", "Time", "Encoder 1 Pos", "Control Effort"]
     assert [float(c.values[-1]) for c in found.columns] == pytest.approx([39.0, 0.858, 780.0, -0.11])
     assert all(c.values.size == 40 for c in found.columns)
